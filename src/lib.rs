@@ -1,1 +1,3 @@
-//! beo
+//! Bayesian Eigenobjects (Burchfiel & Konidaris, RSS 2017): class, pose and completed shape of partial voxel grids.
+
+pub mod grid;

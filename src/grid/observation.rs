@@ -1,0 +1,172 @@
+//! What a camera knows of one object: every voxel is filled, empty or unknown.
+
+use super::{Dims, Occupancy};
+use fixedbitset::FixedBitSet;
+
+/// Voxel code: known to be empty.
+pub const EMPTY: u8 = 0;
+/// Voxel code: known to be filled.
+pub const FILLED: u8 = 1;
+/// Voxel code: not seen.
+pub const UNKNOWN: u8 = 255;
+
+/// A partial voxel grid (w_q and V_q of eq. 13), as two bit sets in C order `[x][y][z]`.
+///
+/// A filled voxel is always known.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Observation {
+    dims: Dims,
+    known: FixedBitSet,
+    filled: FixedBitSet,
+}
+
+/// Bytes that are not an observation.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ObservationError {
+    /// The number of bytes is not the number of voxels.
+    #[error("{found} bytes for a grid of {dims}, which has {} voxels of one byte each", dims.voxels())]
+    Length {
+        /// Bytes given.
+        found: usize,
+        /// Size of the grid.
+        dims: Dims,
+    },
+    /// A byte is not a voxel code.
+    #[error("voxel ({}, {}, {}) holds {code}: write 0 for empty, 1 for filled, 255 for unknown", voxel[0], voxel[1], voxel[2])]
+    Code {
+        /// The first such voxel (i, j, k).
+        voxel: [usize; 3],
+        /// Its value.
+        code: u8,
+    },
+}
+
+impl Observation {
+    /// An observation in which every voxel is unknown.
+    pub fn unknown(dims: Dims) -> Self {
+        Self { dims, known: FixedBitSet::with_capacity(dims.voxels()), filled: FixedBitSet::with_capacity(dims.voxels()) }
+    }
+
+    /// A complete object, every voxel known.
+    pub fn complete(object: &Occupancy) -> Self {
+        let mut known = FixedBitSet::with_capacity(object.dims().voxels());
+        known.insert_range(..);
+        Self { dims: object.dims(), known, filled: object.bits().clone() }
+    }
+
+    /// Reads one byte per voxel: [`EMPTY`], [`FILLED`] or [`UNKNOWN`], C order.
+    pub fn from_bytes(dims: Dims, bytes: &[u8]) -> Result<Self, ObservationError> {
+        let mut observation = Self::unknown(dims);
+        observation.read(bytes)?;
+        Ok(observation)
+    }
+
+    /// Replaces the content by `bytes`, without allocating; each byte is read once, so a writer that shares them cannot
+    /// change what was checked. On an error the content is unspecified.
+    pub fn read(&mut self, bytes: &[u8]) -> Result<(), ObservationError> {
+        if bytes.len() != self.dims.voxels() {
+            return Err(ObservationError::Length { found: bytes.len(), dims: self.dims });
+        }
+        const WORD: usize = usize::BITS as usize;
+        let words = self.known.as_mut_slice().iter_mut().zip(self.filled.as_mut_slice());
+        for (w, ((known, filled), chunk)) in words.zip(bytes.chunks(WORD)).enumerate() {
+            let mut copy = [UNKNOWN; WORD];
+            copy[..chunk.len()].copy_from_slice(chunk);
+            let (mut is_known, mut is_filled, mut is_wrong) = (0, 0, 0);
+            for (bit, &code) in copy.iter().enumerate() {
+                is_known |= usize::from(code != UNKNOWN) << bit;
+                is_filled |= usize::from(code == FILLED) << bit;
+                is_wrong |= usize::from(code != UNKNOWN && code > FILLED) << bit;
+            }
+            if is_wrong != 0 {
+                let bit = is_wrong.trailing_zeros() as usize;
+                return Err(ObservationError::Code { voxel: self.dims.coordinates(w * WORD + bit), code: copy[bit] });
+            }
+            (*known, *filled) = (is_known, is_filled);
+        }
+        Ok(())
+    }
+
+    /// Writes one byte per voxel. `bytes` has one element per voxel.
+    pub fn write(&self, bytes: &mut [u8]) {
+        assert_eq!(bytes.len(), self.dims.voxels(), "one byte per voxel");
+        for (index, byte) in bytes.iter_mut().enumerate() {
+            *byte = self.code(index);
+        }
+    }
+
+    /// The code of the voxel at `index`.
+    pub fn code(&self, index: usize) -> u8 {
+        match (self.known.contains(index), self.filled.contains(index)) {
+            (false, _) => UNKNOWN,
+            (true, false) => EMPTY,
+            (true, true) => FILLED,
+        }
+    }
+
+    /// Marks the voxel at `index` as known.
+    pub fn set(&mut self, index: usize, filled: bool) {
+        self.known.insert(index);
+        self.filled.set(index, filled);
+    }
+
+    /// Size of the grid.
+    pub fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    /// One bit per voxel, set where the voxel is known (the selection V_q).
+    pub fn known(&self) -> &FixedBitSet {
+        &self.known
+    }
+
+    /// One bit per voxel, set where the voxel is known to be filled.
+    pub fn filled(&self) -> &FixedBitSet {
+        &self.filled
+    }
+
+    /// The visual hull: all that is not known to be empty, that is, filled or unknown.
+    pub fn hull(&self) -> Occupancy {
+        let mut hull = FixedBitSet::with_capacity(self.dims.voxels());
+        hull.insert_range(..);
+        hull.difference_with(&self.known);
+        hull.union_with(&self.filled);
+        Occupancy::from_bits(self.dims, hull)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_wrong_code_names_its_voxel() {
+        let dims = Dims::new(8, 9, 10).unwrap();
+        let mut bytes = vec![EMPTY; dims.voxels()];
+        bytes[214] = 2;
+        bytes[500] = 254;
+        let error = Observation::from_bytes(dims, &bytes).unwrap_err();
+        assert_eq!(error, ObservationError::Code { voxel: [2, 3, 4], code: 2 });
+        assert_eq!(error.to_string(), "voxel (2, 3, 4) holds 2: write 0 for empty, 1 for filled, 255 for unknown");
+    }
+
+    #[test]
+    fn a_wrong_length_is_refused() {
+        let dims = Dims::cube(8).unwrap();
+        assert!(matches!(Observation::from_bytes(dims, &[0; 511]), Err(ObservationError::Length { found: 511, .. })));
+    }
+
+    proptest! {
+        #[test]
+        fn bytes_survive_a_round_trip(codes in prop::collection::vec(prop::sample::select(vec![EMPTY, FILLED, UNKNOWN]), 8 * 9 * 11)) {
+            let dims = Dims::new(8, 9, 11).unwrap();
+            let observation = Observation::from_bytes(dims, &codes).unwrap();
+            let mut bytes = vec![7; codes.len()];
+            observation.write(&mut bytes);
+            prop_assert_eq!(&bytes, &codes);
+            prop_assert_eq!(observation.known().count_ones(..), codes.iter().filter(|c| **c != UNKNOWN).count());
+            prop_assert_eq!(observation.hull().count(), codes.iter().filter(|c| **c != EMPTY).count());
+        }
+    }
+}
