@@ -5,9 +5,11 @@
 mod dims;
 mod observation;
 mod occupancy;
+mod runs;
 mod view;
 
 pub use dims::{Dims, DimsError};
 pub use observation::{EMPTY, FILLED, Observation, ObservationError, UNKNOWN};
 pub use occupancy::Occupancy;
+pub use runs::for_each_run;
 pub use view::View;
