@@ -3,3 +3,5 @@
 pub mod grid;
 pub mod learning;
 pub mod linear;
+pub mod model;
+pub mod perception;

@@ -10,5 +10,6 @@
 //! | `calibration` | weights, temperature and class offsets on held-out objects | |
 //! | `train` | the driver, with internal cross-validation | |
 
+mod basis;
 mod gram;
 pub mod vbpca;

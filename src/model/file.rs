@@ -1,0 +1,270 @@
+//! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
+
+use super::{Basis, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, mapping};
+use half::f16;
+use memmap2::Mmap;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Tensors of at least this many bytes are not checked at load but by [`verify`], so that a start stays instant.
+const CHECKED_AT_LOAD: usize = 64 << 20;
+/// The key of our description in the header of the file.
+const KEY: &str = "beo";
+
+#[cfg(target_endian = "big")]
+compile_error!("model files are little-endian and are mapped as they are");
+
+/// A model file cannot be used or written.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The file cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not a model, or is damaged.
+    #[error("{}: not a usable model: {reason}; train it again or fetch a fresh copy", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The file was written in another format.
+    #[error("{}: model format {found}, this program reads format {FORMAT_VERSION}: train the model again with this version", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        found: u64,
+    },
+}
+
+/// The description in the header, with what is needed to detect damage.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    metadata: Metadata,
+    /// CRC-32 of each tensor's bytes.
+    checksums: BTreeMap<String, u32>,
+    /// CRC-32 of `metadata`, `checksums` and the table of tensors.
+    checksum: u32,
+}
+
+/// Names, shapes and lengths, written out: damage to the table of tensors changes this text.
+type Table = BTreeMap<String, (String, Vec<usize>, usize)>;
+
+fn header_checksum(metadata: &Metadata, checksums: &BTreeMap<String, u32>, table: &Table) -> u32 {
+    let text = serde_json::to_string(&(metadata, checksums, table)).expect("plain data");
+    crc32fast::hash(text.as_bytes())
+}
+
+/// Bytes as half-precision numbers; the slice is aligned and whole, which `load` has checked.
+pub(super) fn half_slice(bytes: &[u8]) -> &[f16] {
+    bytemuck::cast_slice(bytes)
+}
+
+/// Writes a model. The file appears under its name only when it is complete.
+pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
+    let io = |source| ModelError::Io { path: path.to_owned(), source };
+    let (classes, rank) = (model.classes.len(), model.rank());
+    let stack = |part: fn(&ClassModel) -> &[f32]| -> Vec<f32> { model.classes.iter().flat_map(|c| part(c).iter().copied()).collect() };
+    let mut floats: Vec<(String, Vec<usize>, Vec<f32>)> = vec![
+        ("class_mean".into(), vec![classes, rank], stack(|c| &c.mean)),
+        ("class_covariance".into(), vec![classes, rank, rank], stack(|c| &c.covariance)),
+    ];
+    let directions = stack(|c| &c.directions);
+    floats.push(("class_directions".into(), vec![directions.len() / rank, rank], directions));
+    for (v, view) in model.views().iter().enumerate() {
+        let stack = |part: fn(&HullDensity) -> &[f32]| -> Vec<f32> {
+            model.classes.iter().flat_map(|c| part(&c.hulls[v]).iter().copied()).collect()
+        };
+        floats.push((format!("hull_{}_mean", view.name()), vec![classes, rank], stack(|h| &h.mean)));
+        floats.push((format!("hull_{}_covariance", view.name()), vec![classes, rank, rank], stack(|h| &h.covariance)));
+    }
+    let variances: Vec<f64> = model.classes.iter().flat_map(|c| c.variances.iter().copied()).collect();
+
+    let mut tensors: Vec<(String, Dtype, Vec<usize>, &[u8])> = vec![
+        ("basis".into(), Dtype::F16, vec![model.basis.voxels(), rank], bytemuck::cast_slice(model.basis.values())),
+        ("class_variances".into(), Dtype::F64, vec![variances.len()], bytemuck::cast_slice(&variances)),
+    ];
+    for (name, shape, values) in &floats {
+        tensors.push((name.clone(), Dtype::F32, shape.clone(), bytemuck::cast_slice(values)));
+    }
+    let checksums: BTreeMap<String, u32> = tensors.iter().map(|(name, _, _, bytes)| (name.clone(), crc32fast::hash(bytes))).collect();
+    let table: Table =
+        tensors.iter().map(|(name, dtype, shape, bytes)| (name.clone(), (dtype.to_string(), shape.clone(), bytes.len()))).collect();
+    let checksum = header_checksum(&model.metadata, &checksums, &table);
+    let header = Header { metadata: model.metadata.clone(), checksums, checksum };
+    let header = HashMap::from([(KEY.to_string(), serde_json::to_string(&header).expect("plain data"))]);
+
+    let views = tensors.into_iter().map(|(name, dtype, shape, bytes)| {
+        (name, TensorView::new(dtype, shape, bytes).expect("the shapes were computed from the lengths"))
+    });
+    let partial = path.with_extension("partial");
+    if let Err(error) = safetensors::serialize_to_file(views, Some(header), &partial) {
+        let _ = std::fs::remove_file(&partial);
+        return Err(io(std::io::Error::other(error)));
+    }
+    std::fs::rename(&partial, path).map_err(io)
+}
+
+/// What a full check of a file found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct VerifyReport {
+    /// Tensors checked.
+    pub tensors: usize,
+    /// Their bytes.
+    pub bytes: usize,
+}
+
+/// Checks the header and every tensor of a model file, whatever its size.
+pub fn verify(path: &Path) -> Result<VerifyReport, ModelError> {
+    let file = Opened::open(path)?;
+    let tensors = file.tensors()?;
+    let mut bytes = 0;
+    for name in file.header.checksums.keys() {
+        let tensor = file.tensor(&tensors, name)?;
+        file.check(name, tensor.data())?;
+        bytes += tensor.data().len();
+    }
+    Ok(VerifyReport { tensors: file.header.checksums.len(), bytes })
+}
+
+/// Maps a model file and checks its header, sizes and the checksums of all tensors below 64 MiB.
+pub fn load(path: &Path) -> Result<Model, ModelError> {
+    let file = Opened::open(path)?;
+    let tensors = file.tensors()?;
+    let metadata = &file.header.metadata;
+    let (d, m) = (metadata.dims.voxels(), metadata.classes.len());
+    let total: usize = metadata.classes.iter().map(|c| c.directions).sum();
+    let basis = file.tensor(&tensors, "basis")?;
+    let rank = basis.shape().get(1).copied().unwrap_or(0);
+    if m == 0 || rank == 0 {
+        return Err(file.invalid("it has no class or no basis"));
+    }
+    if metadata.calibration.auto.offsets.len() != m {
+        return Err(file.invalid("its calibration is for another number of classes"));
+    }
+    file.expect(&basis, "basis", Dtype::F16, &[d, rank])?;
+    if basis.data().len() < CHECKED_AT_LOAD {
+        file.check("basis", basis.data())?;
+    }
+    let start = basis.data().as_ptr() as usize - file.map.as_ptr() as usize;
+    let range = start..start + basis.data().len();
+    let basis = Basis::mapped(rank, file.map.clone(), range);
+
+    let mean = file.floats(&tensors, "class_mean", &[m, rank])?;
+    let covariance = file.floats(&tensors, "class_covariance", &[m, rank, rank])?;
+    let directions = file.floats(&tensors, "class_directions", &[total, rank])?;
+    let variances = file.doubles(&tensors, "class_variances", &[total])?;
+    let mut hulls = Vec::new();
+    for view in &metadata.settings.views {
+        hulls.push((
+            file.floats(&tensors, &format!("hull_{}_mean", view.name()), &[m, rank])?,
+            file.floats(&tensors, &format!("hull_{}_covariance", view.name()), &[m, rank, rank])?,
+        ));
+    }
+    let slice = |values: &[f32], s: usize, size: usize| values[s * size..(s + 1) * size].to_vec();
+    let mut first = 0;
+    let classes = metadata
+        .classes
+        .iter()
+        .enumerate()
+        .map(|(s, info)| {
+            let rows = first..first + info.directions;
+            first = rows.end;
+            ClassModel {
+                mean: slice(&mean, s, rank),
+                covariance: slice(&covariance, s, rank * rank),
+                directions: directions[rows.start * rank..rows.end * rank].to_vec(),
+                variances: variances[rows].to_vec(),
+                hulls: hulls
+                    .iter()
+                    .map(|(mean, covariance)| HullDensity { mean: slice(mean, s, rank), covariance: slice(covariance, s, rank * rank) })
+                    .collect(),
+            }
+        })
+        .collect();
+    Ok(Model { metadata: file.header.metadata, basis, classes })
+}
+
+/// A mapped file whose header has been checked.
+struct Opened {
+    path: PathBuf,
+    map: Arc<Mmap>,
+    header: Header,
+}
+
+impl Opened {
+    fn open(path: &Path) -> Result<Self, ModelError> {
+        let io = |source| ModelError::Io { path: path.to_owned(), source };
+        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason };
+        let map = mapping::map(&File::open(path).map_err(io)?).map_err(io)?;
+        let (_, info) = SafeTensors::read_metadata(&map).map_err(|e| invalid(format!("{e}")))?;
+        let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
+        let value: serde_json::Value = serde_json::from_str(text).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
+        match value["metadata"]["format_version"].as_u64() {
+            Some(version) if version == u64::from(FORMAT_VERSION) => {}
+            Some(found) => return Err(ModelError::Format { path: path.to_owned(), found }),
+            None => return Err(invalid("its description has no format version".into())),
+        }
+        let header: Header = serde_json::from_value(value).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
+        let table: Table = info
+            .tensors()
+            .into_iter()
+            .map(|(name, t)| (name, (t.dtype.to_string(), t.shape.clone(), t.data_offsets.1 - t.data_offsets.0)))
+            .collect();
+        if header_checksum(&header.metadata, &header.checksums, &table) != header.checksum {
+            return Err(invalid("its header does not match its checksum".into()));
+        }
+        Ok(Self { path: path.to_owned(), map: Arc::new(map), header })
+    }
+
+    fn invalid(&self, reason: impl Into<String>) -> ModelError {
+        ModelError::Invalid { path: self.path.clone(), reason: reason.into() }
+    }
+
+    fn tensors(&self) -> Result<SafeTensors<'_>, ModelError> {
+        SafeTensors::deserialize(&self.map).map_err(|e| self.invalid(e.to_string()))
+    }
+
+    fn tensor<'a>(&self, tensors: &SafeTensors<'a>, name: &str) -> Result<TensorView<'a>, ModelError> {
+        tensors.tensor(name).map_err(|_| self.invalid(format!("tensor `{name}` is missing")))
+    }
+
+    fn expect(&self, tensor: &TensorView<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), ModelError> {
+        if tensor.dtype() == dtype && tensor.shape() == shape {
+            return Ok(());
+        }
+        Err(self.invalid(format!("tensor `{name}` is {} {:?} where {dtype} {shape:?} was expected", tensor.dtype(), tensor.shape())))
+    }
+
+    fn check(&self, name: &str, bytes: &[u8]) -> Result<(), ModelError> {
+        if self.header.checksums.get(name) == Some(&crc32fast::hash(bytes)) {
+            return Ok(());
+        }
+        Err(self.invalid(format!("tensor `{name}` does not match its checksum")))
+    }
+
+    fn small(&self, tensors: &SafeTensors<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<u8>, ModelError> {
+        let tensor = self.tensor(tensors, name)?;
+        self.expect(&tensor, name, dtype, shape)?;
+        self.check(name, tensor.data())?;
+        Ok(tensor.data().to_vec())
+    }
+
+    fn floats(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
+        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F32, shape)?))
+    }
+
+    fn doubles(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelError> {
+        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F64, shape)?))
+    }
+}

@@ -1,0 +1,115 @@
+//! What a model file says of itself: JSON in the safetensors header.
+
+use crate::grid::{Dims, View};
+use serde::{Deserialize, Serialize};
+
+/// Version of the file format that this program writes and reads.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Description of a model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metadata {
+    /// Version of the file format.
+    pub format_version: u32,
+    /// Version of the program that trained the model.
+    pub beo_version: String,
+    /// Terms of the data that the model was trained on, if the trainer stated any.
+    pub licence: String,
+    /// Size of the grids, [x, y, z].
+    pub dims: Dims,
+    /// Classes, sorted by name.
+    pub classes: Vec<ClassInfo>,
+    /// Variance of one voxel about the model, common to all classes.
+    pub noise_variance: f64,
+    /// Fitted on held-out objects.
+    pub calibration: Calibration,
+    /// How the model was trained.
+    pub settings: Settings,
+}
+
+/// One class.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClassInfo {
+    /// Name, at most 31 bytes.
+    pub name: String,
+    /// Training objects used.
+    pub shapes: usize,
+    /// Size k_s of VBPCA's basis W_s.
+    pub basis_size: usize,
+    /// All directions stored, K ≥ k_s.
+    pub directions: usize,
+    /// Share of the class's variance that W_s carries.
+    pub explained: f64,
+    /// VBPCA's noise variance of this class alone.
+    pub noise_variance: f64,
+    /// Shrinkage intensity of the class covariance towards the two-parameter target (1 − λ of eq. 8).
+    pub shrinkage: f64,
+}
+
+/// Settings of training that the model depends on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Splits that were read.
+    pub splits: Vec<String>,
+    /// Views for which hull densities were learned.
+    pub views: Vec<View>,
+    /// Share of the variance that sizes a class basis.
+    pub variance_share: f64,
+    /// Least and most components of a class basis.
+    pub basis_range: [usize; 2],
+    /// Longest side of a mesh, in voxels.
+    pub longest_side: usize,
+    /// Seed of the cross-validation's folds.
+    pub seed: u64,
+    /// Number of folds.
+    pub folds: usize,
+}
+
+/// A blend of class scores: log posterior ∝ Σ_j weight_j score_j + offset_s + log prior_s.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Blend {
+    /// Weight of the hull's log density.
+    pub hull: f64,
+    /// Weight of the log evidence.
+    pub evidence: f64,
+    /// Weight of the negative squared distance to the class mean.
+    pub distance: f64,
+    /// One offset per class.
+    pub offsets: Vec<f64>,
+}
+
+/// How raw scores become probabilities. An object held out of the training was never scored by a model that had seen it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Degrees of freedom ν of the hull's Student-t density.
+    pub degrees_of_freedom: f64,
+    /// Strength n₀ of the prior that pulls the hull covariance of a class to the one common to all, in objects.
+    pub prior_strength: f64,
+    /// Blend of the default method.
+    pub auto: Blend,
+    /// Hull density alone.
+    pub hull: Blend,
+    /// Evidence alone.
+    pub evidence: Blend,
+    /// Distance to the class means alone.
+    pub mean: Blend,
+    /// Completion.
+    pub completion: CompletionCalibration,
+    /// Held-out objects that the fit used.
+    pub objects: usize,
+    /// Accuracy of the default method on them.
+    pub accuracy: f64,
+    /// Mean negative log posterior of the true class on them, in nats.
+    pub log_loss: f64,
+}
+
+/// How the posterior mean m of a voxel becomes a probability: logit p = intercept + slope · logit m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CompletionCalibration {
+    /// Factor on the noise variance when completing.
+    pub noise_inflation: f64,
+    /// Intercept.
+    pub intercept: f64,
+    /// Slope.
+    pub slope: f64,
+}

@@ -1,0 +1,73 @@
+//! The trained model, in memory and on disk.
+//!
+//! A model is one shared orthonormal basis W' (d × a), and for each class what its objects look like in it. Quantities that
+//! follow quickly from these (Cholesky factors, class means as voxels, prefix sums of W') are derived by `perception`.
+
+mod basis;
+mod file;
+mod mapping;
+mod metadata;
+
+pub use basis::Basis;
+pub use file::{ModelError, VerifyReport, load, save, verify};
+pub use metadata::{Blend, Calibration, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings};
+
+use crate::grid::{Dims, View};
+
+/// Everything learned of one class, in coordinates of the shared basis. a is the rank of W', K the number of directions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClassModel {
+    /// Mean of the projected training objects ō'_s (eq. 7), a values.
+    pub mean: Vec<f32>,
+    /// Shrunk covariance Σ''_s of the projected training objects (eq. 8), a × a, symmetric.
+    pub covariance: Vec<f32>,
+    /// Directions of the class, K × a, one unit vector in W' per row, by falling variance. The first `ClassInfo::basis_size`
+    /// are VBPCA's basis W_s; the rest are the next principal directions of the class inside the span of W'.
+    pub directions: Vec<f32>,
+    /// Variance of the class's objects along each direction, K values (VBPCA's shrunk estimate).
+    pub variances: Vec<f64>,
+    /// Densities of the visual hulls' projections, one per view of the model.
+    pub hulls: Vec<HullDensity>,
+}
+
+/// Student-t density of the projection of a class's visual hulls seen from one view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HullDensity {
+    /// Mean, a values.
+    pub mean: Vec<f32>,
+    /// Scale matrix: the posterior mean covariance of a normal-inverse-Wishart prior, a × a, symmetric.
+    pub covariance: Vec<f32>,
+}
+
+/// A trained model.
+#[derive(Debug)]
+pub struct Model {
+    /// What the model is and how it was made.
+    pub metadata: Metadata,
+    /// The shared basis W'.
+    pub basis: Basis,
+    /// One entry per class, in the order of `metadata.classes`.
+    pub classes: Vec<ClassModel>,
+}
+
+impl Model {
+    /// Size of the grids that the model answers.
+    pub fn dims(&self) -> Dims {
+        self.metadata.dims
+    }
+
+    /// Number of columns of W', a.
+    pub fn rank(&self) -> usize {
+        self.basis.rank()
+    }
+
+    /// Class names, sorted.
+    pub fn class_names(&self) -> impl Iterator<Item = &str> {
+        self.metadata.classes.iter().map(|class| class.name.as_str())
+    }
+
+    /// The views for which the model has hull densities.
+    pub fn views(&self) -> &[View] {
+        &self.metadata.settings.views
+    }
+}

@@ -1,0 +1,3 @@
+//! One observation in, one percept out.
+mod projection;
+pub use projection::ColumnSums;
