@@ -1,6 +1,6 @@
 //! Views: what a camera at a given place knows of a complete object.
 
-use super::{Observation, Occupancy};
+use super::{EMPTY, FILLED, Observation, Occupancy, UNKNOWN};
 use serde::{Deserialize, Serialize};
 
 /// From where a complete object is looked at.
@@ -17,6 +17,26 @@ impl View {
     pub fn of(self, object: &Occupancy) -> Observation {
         match self {
             View::Top => top(object),
+        }
+    }
+
+    /// Whether `observation` could come from this view: at least 95 % of the columns that hold a filled or unknown voxel are
+    /// as this view leaves them (from a camera, single columns are not).
+    pub fn matches(self, observation: &Observation) -> bool {
+        match self {
+            View::Top => {
+                let (z, columns) = (observation.dims().z(), observation.dims().columns());
+                let (mut seen, mut fitting) = (0, 0);
+                for column in 0..columns {
+                    let codes = (column * z..(column + 1) * z).rev().map(|index| observation.code(index));
+                    let mut rest = codes.skip_while(|code| *code == EMPTY).peekable();
+                    if rest.peek().is_some() {
+                        seen += 1;
+                        fitting += usize::from(rest.next() == Some(FILLED) && rest.all(|code| code == UNKNOWN));
+                    }
+                }
+                fitting * 100 >= seen * 95
+            }
         }
     }
 
@@ -46,7 +66,7 @@ fn top(object: &Occupancy) -> Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Dims, EMPTY, FILLED, UNKNOWN};
+    use crate::grid::Dims;
 
     #[test]
     fn top_view_knows_what_is_not_below_a_filled_voxel() {
@@ -58,5 +78,14 @@ mod tests {
         assert_eq!(column, [UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, FILLED, EMPTY, EMPTY]);
         assert_eq!(view.known().count_ones(..), dims.voxels() - 5);
         assert_eq!(view.hull().count(), 6);
+    }
+
+    #[test]
+    fn a_complete_object_is_no_top_view_but_its_view_is() {
+        let dims = Dims::cube(8).unwrap();
+        let object = Occupancy::from_fn(dims, |i, j, k| i < 6 && j < 6 && k < 4);
+        assert!(View::Top.matches(&View::Top.of(&object)));
+        assert!(!View::Top.matches(&Observation::complete(&object)));
+        assert!(!View::Top.matches(&Observation::unknown(dims)));
     }
 }

@@ -143,7 +143,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
     let tensors = file.tensors()?;
     let metadata = &file.header.metadata;
     let (d, m) = (metadata.dims.voxels(), metadata.classes.len());
-    let total: usize = metadata.classes.iter().map(|c| c.directions).sum();
+    let total: usize = metadata.classes.iter().map(|c| c.basis_size).sum();
     let basis = file.tensor(&tensors, "basis")?;
     let rank = basis.shape().get(1).copied().unwrap_or(0);
     if m == 0 || rank == 0 {
@@ -178,7 +178,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
         .iter()
         .enumerate()
         .map(|(s, info)| {
-            let rows = first..first + info.directions;
+            let rows = first..first + info.basis_size;
             first = rows.end;
             ClassModel {
                 mean: slice(&mean, s, rank),

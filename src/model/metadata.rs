@@ -36,8 +36,6 @@ pub struct ClassInfo {
     pub shapes: usize,
     /// Size k_s of VBPCA's basis W_s.
     pub basis_size: usize,
-    /// All directions stored, K ≥ k_s.
-    pub directions: usize,
     /// Share of the class's variance that W_s carries.
     pub explained: f64,
     /// VBPCA's noise variance of this class alone.
@@ -93,6 +91,8 @@ pub struct Calibration {
     pub evidence: Blend,
     /// Distance to the class means alone.
     pub mean: Blend,
+    /// Factor on the noise variance: voxels are binary and correlated, so that σ² as estimated makes evidence too sure.
+    pub noise_inflation: f64,
     /// Completion.
     pub completion: CompletionCalibration,
     /// Held-out objects that the fit used.
@@ -103,13 +103,22 @@ pub struct Calibration {
     pub log_loss: f64,
 }
 
-/// How the posterior mean m of a voxel becomes a probability: logit p = intercept + slope · logit m.
+/// How the posterior mean m of an unknown voxel becomes the probability p that it is filled:
+///
+/// logit p = constant + mean · L(m) + class_mean · L(μ) + log_depth · ln δ + surface · \[δ = 1\],
+///
+/// where L is the logit of a value clipped to \[0.02, 0.98\], μ the posterior-weighted class mean, and δ counts the unknown
+/// voxels from the known one above down to this one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompletionCalibration {
-    /// Factor on the noise variance when completing.
-    pub noise_inflation: f64,
-    /// Intercept.
-    pub intercept: f64,
-    /// Slope.
-    pub slope: f64,
+    /// Weight of one.
+    pub constant: f64,
+    /// Weight of the posterior mean's logit.
+    pub mean: f64,
+    /// Weight of the class mean's logit.
+    pub class_mean: f64,
+    /// Weight of the logarithm of the depth.
+    pub log_depth: f64,
+    /// Weight of being the first unknown voxel below a known one.
+    pub surface: f64,
 }

@@ -14,17 +14,16 @@ pub use metadata::{Blend, Calibration, ClassInfo, CompletionCalibration, FORMAT_
 
 use crate::grid::{Dims, View};
 
-/// Everything learned of one class, in coordinates of the shared basis. a is the rank of W', K the number of directions.
+/// Everything learned of one class, in coordinates of the shared basis. a is the rank of W', k_s the size of the class basis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClassModel {
     /// Mean of the projected training objects ō'_s (eq. 7), a values.
     pub mean: Vec<f32>,
     /// Shrunk covariance Σ''_s of the projected training objects (eq. 8), a × a, symmetric.
     pub covariance: Vec<f32>,
-    /// Directions of the class, K × a, one unit vector in W' per row, by falling variance. The first `ClassInfo::basis_size`
-    /// are VBPCA's basis W_s; the rest are the next principal directions of the class inside the span of W'.
+    /// VBPCA's basis W_s in coordinates of W', k_s × a, one unit vector per row, by falling variance.
     pub directions: Vec<f32>,
-    /// Variance of the class's objects along each direction, K values (VBPCA's shrunk estimate).
+    /// Variance of the class's objects along each direction, k_s values (VBPCA's shrunk estimate).
     pub variances: Vec<f64>,
     /// Densities of the visual hulls' projections, one per view of the model.
     pub hulls: Vec<HullDensity>,

@@ -1,3 +1,29 @@
-//! One observation in, one percept out.
+//! One observation in, one percept out. Knows nothing of processes and channels.
+//!
+//! | file | what | source |
+//! | --- | --- | --- |
+//! | `projection` | linear projection onto W' by runs of voxels | eq. 5 |
+//! | `density` | Gaussian and Student-t class densities | eqs. 9, 10 |
+//! | `subspace` | a class conditioned on the known voxels: evidence, posterior mean and variance | eqs. 1, 6, 15–17 |
+//! | `paper` | lasso and ridge projection onto W' | eqs. 13–18 |
+//! | `blend` | from scores to a posterior | eq. 9 |
+//! | `completion` | probability and deviation per voxel | eq. 6 |
+//! | `perceiver` | puts them together | |
+
+pub mod blend;
+pub mod completion;
+mod density;
+mod method;
+mod paper;
+mod perceiver;
+mod percept;
 mod projection;
+mod subspace;
+
+pub use density::Density;
+pub use method::Method;
+pub use paper::Projection;
+pub use perceiver::{PerceiveError, Perceiver, Workspace};
+pub use percept::{Percept, Query};
 pub use projection::ColumnSums;
+pub use subspace::{ClassSubspace, Conditional, Known};
