@@ -5,3 +5,4 @@ pub mod learning;
 pub mod linear;
 pub mod model;
 pub mod perception;
+pub mod shapes;
