@@ -23,7 +23,7 @@ const GROUP: usize = 8;
 pub(super) struct ClassBasis {
     /// n × (k + 1): the k orthonormal basis vectors and the mean (scaled to unit length) as combinations of the shapes.
     combination: Mat<f32>,
-    /// The analytic solution; its components beyond k are not part of the basis.
+    /// The analytic solution; what it prunes of the components that the share of variance asks for is not in the basis.
     pub vbpca: Vbpca,
     /// Share of the variance that the k vectors carry.
     pub explained: f64,
@@ -36,9 +36,11 @@ impl ClassBasis {
         let gram = centred(overlaps);
         let eigen = symmetric_eigen(gram.as_ref())?;
         let trace: f64 = (0..n).map(|i| gram[(i, i)]).sum();
-        let spectrum = Spectrum { eigenvalues: &eigen.values[..n.saturating_sub(1)], trace, voxels, objects: n };
+        let eigenvalues = &eigen.values[..n.saturating_sub(1)];
+        let most = vbpca::basis_size(eigenvalues, share, range);
+        let spectrum = Spectrum { eigenvalues: &eigenvalues[..most], trace, voxels, objects: n };
         let vbpca = vbpca::solve(&spectrum, Priors::default());
-        let size = vbpca::basis_size(spectrum.eigenvalues, share, range).min(vbpca.components.len());
+        let size = vbpca.components.len();
         let total: f64 = (0..n).map(|i| overlaps.col_as_slice(i).iter().sum::<f64>()).sum();
         let mean_scale = if total > 0.0 { 1.0 / total.sqrt() } else { 0.0 };
         let combination = Mat::from_fn(n, size + 1, |i, h| {
@@ -52,6 +54,11 @@ impl ClassBasis {
         });
         let explained = if trace > 0.0 { eigen.values[..size].iter().sum::<f64>() / trace } else { 0.0 };
         Ok(Self { combination, vbpca, explained })
+    }
+
+    /// The k basis vectors in the coordinates of a linear projection (a × k), given those of the shapes (n × a).
+    pub fn directions(&self, projected: MatRef<'_, f32>) -> Mat<f32> {
+        projected.transpose() * self.combination.as_ref().subcols(0, self.size())
     }
 
     /// Number of basis vectors, k.

@@ -5,11 +5,19 @@
 //! | `gram` | inner products of binary shapes, centred | n × n instead of d × d |
 //! | `vbpca` | the global analytic solution of VBPCA | eqs. 1–4; Nakajima et al. 2013 |
 //! | `basis` | class bases and the shared basis W', streamed over voxels | text after eq. 9 |
-//! | `shrinkage` | covariance estimators | eqs. 7, 8; Ledoit & Wolf, Schäfer & Strimmer |
-//! | `densities` | Gaussian and Student-t class densities in W' | eqs. 7–10 |
-//! | `calibration` | weights, temperature and class offsets on held-out objects | |
+//! | `shrinkage` | class covariance of complete objects | eqs. 7, 8; Ledoit & Wolf, Schäfer & Strimmer |
+//! | `hull_density` | class density of the visual hulls | normal-inverse-Wishart posterior |
+//! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
 //! | `train` | the driver, with internal cross-validation | |
+//!
+//! Calibration scores held-out objects as queries are scored, so this module also uses `perception`.
 
 mod basis;
+mod calibration;
 mod gram;
+mod hull_density;
+mod shrinkage;
+mod train;
 pub mod vbpca;
+
+pub use train::{FEWEST_SHAPES, Step, TrainError, TrainOptions, train};

@@ -24,7 +24,7 @@ impl Density {
     }
 
     /// Squared Mahalanobis distance of `z` from the mean; `centred` is scratch of a values.
-    fn distance2(&self, z: &[f32], centred: &mut [f32]) -> f64 {
+    pub fn distance2(&self, z: &[f32], centred: &mut [f32]) -> f64 {
         for ((out, z), mean) in centred.iter_mut().zip(z).zip(&self.mean) {
             *out = z - mean;
         }
@@ -36,6 +36,11 @@ impl Density {
             sum += f64::from(dot(row, centred)).powi(2);
         }
         sum
+    }
+
+    /// −½ log |Σ|.
+    pub fn log_volume(&self) -> f64 {
+        self.log_volume
     }
 
     /// log N(z; mean, Σ) + (a/2) log 2π (eq. 10).

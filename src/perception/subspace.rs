@@ -40,6 +40,8 @@ pub struct Conditional {
     gathered: Vec<f32>,
     product: Mat<f32>,
     unknown: Mat<f64>,
+    /// Sum of the rows of filled voxels.
+    filled: Vec<f64>,
     factor: Mat<f64>,
 }
 
@@ -54,6 +56,7 @@ impl Conditional {
             gathered: Vec::with_capacity(BLOCK * (size + 2)),
             product: Mat::zeros(size + 2, size + 2),
             unknown: Mat::zeros(size + 2, size + 2),
+            filled: vec![0.0; size + 2],
             factor: Mat::zeros(size, size),
         }
     }
@@ -117,16 +120,27 @@ impl ClassSubspace {
 
     /// Conditions the class on the known voxels, with noise variance `noise`.
     pub fn condition(&self, known: &Known<'_>, noise: f64, out: &mut Conditional) -> Result<(), LinearError> {
-        let (k, width) = (self.size, self.size + 2);
+        self.gather(known, out);
+        self.solve(noise, out)
+    }
+
+    /// All that conditioning reads of the voxels, whatever the noise.
+    pub fn gather(&self, known: &Known<'_>, out: &mut Conditional) {
         self.unknown_gram(known, out);
+        out.filled.fill(0.0);
+        for &voxel in known.filled {
+            out.filled.iter_mut().zip(self.row(voxel)).for_each(|(sum, v)| *sum += f64::from(*v));
+        }
+    }
+
+    /// Conditions the class on what [`Self::gather`] has read, with noise variance `noise`.
+    pub fn solve(&self, noise: f64, out: &mut Conditional) -> Result<(), LinearError> {
+        let k = self.size;
         let gram = |i: usize, j: usize| self.gram[(i.max(j), i.min(j))] - out.unknown[(i.max(j), i.min(j))];
         let voxels = gram(k + 1, k + 1);
 
-        let mut filled = [0.0_f64; MAX_WIDTH];
-        for &voxel in known.filled {
-            filled[..width].iter_mut().zip(self.row(voxel)).for_each(|(sum, v)| *sum += f64::from(*v));
-        }
-        let residual = known.filled.len() as f64 - 2.0 * filled[k] + gram(k, k);
+        let filled = &out.filled;
+        let residual = filled[k + 1] - 2.0 * filled[k] + gram(k, k);
 
         out.distance2 = residual;
 
