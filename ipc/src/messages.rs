@@ -1,13 +1,16 @@
 //! The messages, exactly as they lie in shared memory: `repr(C)`, no padding, any bit pattern valid, versioned type names.
 //!
 //! Frames, units and time are those of the whole project: metres; quaternions are x, y, z, w; stamps are nanoseconds of CLOCK_MONOTONIC, 0 where a stage did not
-//! run. Reserved bytes are 0. A field never changes its meaning or place within one version: a change makes a new version with new type names.
+//! run. Reserved bytes are 0. The lengths of arrays are written as numbers, as rustc 1.95 crashes on closures that capture a struct whose array lengths are named
+//! constants of another crate. A field never changes its meaning or place within one version: a change makes a new version with new type names.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::codes::{CompletionFrame, Outside, PoseSearch, View, tasks};
 use crate::layout::{Scalar, layout};
 use crate::limits::{EXPLANATION_LEN, MAX_CLASSES, MAX_HYPOTHESES, NAME_LEN};
+
+const _: () = assert!(MAX_CLASSES == 64 && MAX_HYPOTHESES == 8 && NAME_LEN == 32 && EXPLANATION_LEN == 128);
 
 /// The version of these messages; every message carries it.
 pub const ABI_VERSION: u32 = 1;
@@ -55,7 +58,7 @@ pub struct ObservationHeader {
     /// Where the sensor looked from: a number of [`View`].
     pub view: u32,
     /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
-    pub frame_id: [u8; NAME_LEN],
+    pub frame_id: [u8; 32],
     /// 0.
     pub reserved: [u8; 64],
 }
@@ -165,7 +168,7 @@ pub struct Percept {
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
     /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
-    pub frame_id: [u8; NAME_LEN],
+    pub frame_id: [u8; 32],
     /// How it was computed: a number of [`crate::Method`].
     pub method: u32,
     /// How many entries of `posterior` and `log_evidence` are used.
@@ -179,13 +182,13 @@ pub struct Percept {
     /// What was computed: bits of [`tasks`].
     pub tasks: u32,
     /// Probability of each class; unused entries are 0.
-    pub posterior: [f32; MAX_CLASSES],
+    pub posterior: [f32; 64],
     /// Log evidence (or log score) of each class before priors and calibration, natural logarithm; unused entries are 0.
-    pub log_evidence: [f32; MAX_CLASSES],
+    pub log_evidence: [f32; 64],
     /// Pose hypotheses, most probable first; unused entries are 0.
-    pub hypotheses: [Hypothesis; MAX_HYPOTHESES],
+    pub hypotheses: [Hypothesis; 8],
     /// Why the observation was refused, for people: UTF-8, padded with NUL.
-    pub explanation: [u8; EXPLANATION_LEN],
+    pub explanation: [u8; 128],
     /// 0.
     pub reserved: [u8; 64],
 }
@@ -285,7 +288,7 @@ pub struct CompletionHeader {
     /// Voxels of the payload along x, y, z.
     pub dims: [u32; 3],
     /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
-    pub frame_id: [u8; NAME_LEN],
+    pub frame_id: [u8; 32],
     /// The pose that was completed: turns object axes into grid axes, unit quaternion x, y, z, w.
     pub rotation_object_to_grid: [f32; 4],
     /// The most probable class.
@@ -373,7 +376,7 @@ pub struct Status {
     /// How many entries of `class_names` are used.
     pub class_count: u32,
     /// The names of the classes: UTF-8, padded with NUL.
-    pub class_names: [[u8; NAME_LEN]; MAX_CLASSES],
+    pub class_names: [[u8; 32]; 64],
     /// The model's name, for people: UTF-8, padded with NUL.
     pub model_name: [u8; 64],
     /// 0.
