@@ -145,8 +145,8 @@ fn check_placement(header: &ObservationHeader) -> Result<(), Refusal> {
         return Err(Refusal::NotFinite("orientation"));
     }
     let norm = header.orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
-    // Written so that an overflow to infinity is refused too.
-    if !((norm - 1.0).abs() <= QUATERNION_NORM_TOLERANCE) {
+    // Of finite parts it is finite or, by overflow, infinite; never NaN.
+    if (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
         return Err(Refusal::NotUnit(norm));
     }
     if !(header.voxel_size_m.is_finite() && header.voxel_size_m > 0.0) {

@@ -223,6 +223,20 @@ impl Peer {
         kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
+    /// Stops the process, and returns when all its threads have stopped.
+    fn freeze(&self) {
+        self.signal(Signal::STOP);
+        let threads = format!("/proc/{}/task", self.child.id());
+        eventually("the other process freezes", || {
+            let stopped = std::fs::read_dir(&threads).unwrap().all(|thread| {
+                let stat = std::fs::read_to_string(thread.unwrap().path().join("stat")).unwrap();
+                // After the name in brackets comes the state.
+                stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with('T'))
+            });
+            stopped.then_some(())
+        });
+    }
+
     fn kill(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -435,7 +449,7 @@ fn a_frozen_subscriber_delays_nobody() {
     };
     publish(1);
     assert_eq!(frozen.hear("percept"), "1");
-    frozen.signal(Signal::STOP);
+    frozen.freeze();
     for sequence in 2..=3000 {
         publish(sequence);
         if sequence % 7 == 0 {
