@@ -18,7 +18,6 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 use crate::InstanceName;
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::layout::Layout;
-use crate::memory::publisher_bytes;
 use crate::messages::{CompletionHeader, Hypothesis, ObservationHeader, Percept, Status};
 use crate::node::{Ipc, service_name};
 
@@ -420,11 +419,6 @@ pub(crate) fn wake(notifier: &Notifier<Ipc>) {
     if let Err(error) = notifier.notify() {
         tracing::debug!(?error, "a wake-up was not delivered to everyone");
     }
-}
-
-/// Bytes of shared memory that a publisher of `chunks` chunks of `payload` bytes needs.
-pub(crate) fn bytes_for(chunks: usize, payload: usize) -> u64 {
-    publisher_bytes(chunks, payload)
 }
 
 /// Connects to peers that came since. A peer that cannot be reached is left for the next time.

@@ -15,7 +15,7 @@ use crate::clock::monotonic_ns;
 use crate::error::{LoanError, OpenError, SendError, retry_within};
 use crate::identity::unique_id;
 use crate::limits::voxel_count;
-use crate::memory::require_shared_memory;
+use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::ObservationHeader;
 use crate::node::{self, Ipc};
 use crate::shared::with_old_content;
@@ -60,7 +60,7 @@ impl Producer {
         let settings = observation.static_config();
         let chunks =
             settings.max_subscribers() * (settings.subscriber_max_buffer_size() + settings.subscriber_max_borrowed_samples()) + LOANS;
-        require_shared_memory(channel::bytes_for(chunks, voxels))?;
+        require_shared_memory(publisher_bytes(chunks, voxels))?;
         let publisher = channel::create_slice_publisher(&observation, chunks, voxels)?;
         let observed = channel::create_notifier(&channel::open_event(&node, instance, &instance.observed())?)?;
         let template = ObservationHeader { producer_id: unique_id(), ..*template };
@@ -83,6 +83,11 @@ impl Producer {
     /// The size of the grids.
     pub fn dims(&self) -> [u32; 3] {
         self.template.dims
+    }
+
+    /// How many observations were sent; the next one gets the sequence number after it.
+    pub fn sent(&self) -> u64 {
+        self.outlet.sent.load(Ordering::Relaxed)
     }
 
     /// Whether a daemon is there to read. One that was killed counts until someone has cleaned up after it: see [`Producer::maintain`].

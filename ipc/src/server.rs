@@ -11,12 +11,12 @@ use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 
 use crate::InstanceName;
-use crate::channel::{self, Limits, MAX_HELD_SAMPLES, OBSERVATION_READERS};
+use crate::channel::{self, Limits, OBSERVATION_READERS};
 use crate::clock::monotonic_ns;
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::identity::unique_id;
 use crate::limits::{MAX_PRODUCERS, MAX_SUBSCRIBERS, voxel_count};
-use crate::memory::require_shared_memory;
+use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::{ABI_VERSION, CompletionHeader, ObservationHeader, Percept, Status};
 use crate::node::{self, Ipc};
 use crate::shared::copy_of;
@@ -32,7 +32,7 @@ const OBSERVATION_BUFFER: usize = 16;
 const OBSERVATION_BUDGET: usize = 16 << 20;
 
 /// Bytes that the chunks for completions may take before there are fewer than the worst case needs.
-const COMPLETION_BUDGET: usize = 256 << 20;
+const COMPLETION_BUDGET: usize = 64 << 20;
 
 /// Chunks for completions that there are in any case.
 const MIN_COMPLETION_CHUNKS: usize = 8;
@@ -110,9 +110,9 @@ impl Server {
         };
         let completion_chunks = completion_chunks(completion_limits.chunks(), completion_len);
         require_shared_memory(
-            channel::bytes_for(percept_limits.chunks(), size_of::<Percept>())
-                + channel::bytes_for(completion_chunks, completion_len)
-                + channel::bytes_for(status_limits.chunks(), size_of::<Status>()),
+            publisher_bytes(percept_limits.chunks(), size_of::<Percept>())
+                + publisher_bytes(completion_chunks, completion_len)
+                + publisher_bytes(status_limits.chunks(), size_of::<Status>()),
         )?;
 
         let percept = channel::create_percept(&node, instance, &percept_limits)?;
@@ -148,12 +148,11 @@ impl Server {
     }
 
     /// The next observation of any producer; those of one producer come in its order. 16 of each producer wait (fewer if they are big: 2 at 254³), then the oldest is
-    /// replaced. At most [`MAX_HELD_SAMPLES`] of one producer can be held.
+    /// replaced. At most [`channel::MAX_HELD_SAMPLES`] of one producer can be held.
     ///
     /// # Errors
     /// [`ReceiveError::TooManyHeld`] until an observation taken earlier is dropped.
     pub fn receive(&self) -> Result<Option<Observation>, ReceiveError> {
-        const _: () = assert!(MAX_HELD_SAMPLES >= 2, "one is copied while the next is looked at");
         let Some(sample) = self.observations.receive().map_err(channel::receive_error)? else { return Ok(None) };
         let header = copy_of(sample.user_header());
         let payload_len = usize::try_from(sample.header().number_of_elements()).unwrap_or(usize::MAX);
@@ -293,6 +292,7 @@ mod tests {
         let small = Limits { publishers: 1, readers: options.subscribers, buffer: 2, history: 1, nodes: 1 };
         assert_eq!(completion_chunks(small.chunks(), 2 * 27_000), 67);
         let big = Limits { buffer: 1, ..small };
+        assert_eq!(completion_chunks(big.chunks(), 2 * 128 * 128 * 128), 16);
         assert_eq!(completion_chunks(big.chunks(), 2 * 254 * 254 * 254), 8);
     }
 }
