@@ -364,6 +364,8 @@ fn without_a_daemon_clients_are_told_so_and_can_wait_for_it() {
     assert!(!subscriber.daemon_runs());
     let error = Producer::open(&instance, &template()).unwrap_err();
     assert!(error.is_retryable(), "{error}");
+    let error = Subscriber::open(&instance, &WITH_COMPLETION).unwrap_err();
+    assert!(error.is_retryable(), "{error}");
 }
 
 #[test]
