@@ -1,1 +1,37 @@
-//! Channels of the beo daemon.
+//! Channels of the beo daemon over shared memory (iceoryx2): message layouts, service names, and the three roles.
+//!
+//! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends
+//! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data and as a hash;
+//!   [`text`]: its text fields; [`clock`]: its stamps
+//! - [`validate`]: which observations are refused, and why
+//! - [`names`]: instance names and service names; [`node`]: how iceoryx2 is joined; [`channel`]: limits of the services
+//! - [`memory`]: is there room in shared memory; [`error`]: what can go wrong and what to do
+//!
+//! All `unsafe` is in one private module, `shared`.
+
+pub mod channel;
+pub mod clock;
+pub mod codes;
+pub mod error;
+mod identity;
+pub mod layout;
+pub mod limits;
+pub mod memory;
+pub mod messages;
+pub mod names;
+pub mod node;
+mod producer;
+mod server;
+mod shared;
+mod subscriber;
+pub mod text;
+pub mod validate;
+
+pub use codes::{CompletionFrame, Method, Outside, PerceptStatus, PoseSearch, View, tasks};
+pub use error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
+pub use messages::{ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, ObservationHeader, Percept, Status};
+pub use names::{InstanceName, InstanceNameError};
+pub use producer::{Loan, Producer, Sent};
+pub use server::{CompletionLoan, Observation, Server, ServerOptions};
+pub use subscriber::{Completion, Subscriber, SubscriberOptions};
+pub use validate::Refusal;

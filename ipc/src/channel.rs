@@ -1,0 +1,429 @@
+//! Opening and creating the services: limits, layout hash, and what iceoryx2's errors mean here.
+
+use std::fmt::Debug;
+use std::mem::MaybeUninit;
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::prelude::{
+    AllocationStrategy, AttributeSet, AttributeSpecifier, CallbackProgression, IceoryxSend, Node, PortFactory as _, ZeroCopySend,
+};
+use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
+use iceoryx2::service::builder::publish_subscribe::{Builder, PublishSubscribeCreateError, PublishSubscribeOpenError};
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+
+use crate::InstanceName;
+use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
+use crate::layout::Layout;
+use crate::messages::{CompletionHeader, Hypothesis, ObservationHeader, Percept, Status};
+use crate::node::{Ipc, service_name};
+
+pub(crate) type ObservationService = publish_subscribe::PortFactory<Ipc, [u8], ObservationHeader>;
+pub(crate) type PerceptService = publish_subscribe::PortFactory<Ipc, Percept, ()>;
+pub(crate) type CompletionService = publish_subscribe::PortFactory<Ipc, [u8], CompletionHeader>;
+pub(crate) type StatusService = publish_subscribe::PortFactory<Ipc, Status, ()>;
+
+/// The service attribute that carries the layout hash, 16 hexadecimal digits.
+pub const LAYOUT_ATTRIBUTE: &str = "beo.layout";
+
+/// Samples that a reader may hold at a time, per publisher.
+pub const MAX_HELD_SAMPLES: usize = 2;
+
+/// Readers of observations: the daemon, and one more (a recorder).
+pub(crate) const OBSERVATION_READERS: usize = 2;
+
+/// Loans of one producer or of the daemon that are possible whatever the readers hold.
+pub(crate) const LOANS: usize = 2;
+
+/// How long creating or removing a service by someone else is waited for.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The limits of a publish-subscribe service. Overflow is always on: a reader that does not read loses its oldest samples and delays nobody.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    pub publishers: usize,
+    pub readers: usize,
+    pub buffer: usize,
+    pub history: usize,
+    /// Nodes that can have the service open.
+    pub nodes: usize,
+}
+
+impl Limits {
+    /// Chunks with which a publisher never runs out, whatever the readers hold.
+    pub fn chunks(&self) -> usize {
+        self.readers * (self.buffer + MAX_HELD_SAMPLES) + self.history + LOANS
+    }
+}
+
+/// The layout hashes of the channels, as text.
+pub(crate) fn layout_text<Message: Layout>() -> String {
+    format!("{:016x}", Message::LAYOUT_HASH)
+}
+
+/// The percept's hash covers its nested struct.
+pub(crate) fn percept_layout_text() -> String {
+    format!("{:016x}", Percept::LAYOUT_HASH ^ Hypothesis::LAYOUT_HASH.rotate_left(1))
+}
+
+fn failed(what: &str, cause: impl Debug) -> OpenError {
+    OpenError::Failed { what: format!("`{what}`"), cause: format!("{cause:?}") }
+}
+
+fn pubsub_open_error(service: &str, error: PublishSubscribeOpenError) -> OpenError {
+    use PublishSubscribeOpenError as E;
+    let (service_text, cause) = (service.to_owned(), format!("{error:?}"));
+    match error {
+        E::IncompatibleTypes | E::IncompatibleMessagingPattern | E::VersionMismatch => {
+            OpenError::OtherVersion { service: service_text, cause }
+        }
+        E::DoesNotSupportRequestedMinBufferSize
+        | E::DoesNotSupportRequestedMinHistorySize
+        | E::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+        | E::DoesNotSupportRequestedAmountOfPublishers
+        | E::DoesNotSupportRequestedAmountOfSubscribers
+        | E::DoesNotSupportRequestedAmountOfNodes
+        | E::IncompatibleOverflowBehavior => OpenError::OtherSettings { service: service_text, cause },
+        E::ExceedsMaxNumberOfNodes => OpenError::Full { service: service_text, role: "process" },
+        _ => failed(service, error),
+    }
+}
+
+/// Fails unless the service carries this layout hash.
+fn check_layout(service: &str, attributes: &AttributeSet, expected: &str) -> Result<(), OpenError> {
+    let found = LAYOUT_ATTRIBUTE
+        .try_into()
+        .ok()
+        .and_then(|key| attributes.key_value(&key, 0).map(|value| value.to_string()))
+        .unwrap_or_else(|| "none".to_owned());
+    if found == expected {
+        Ok(())
+    } else {
+        Err(OpenError::LayoutMismatch { service: service.to_owned(), expected: expected.to_owned(), found })
+    }
+}
+
+fn layout_attribute(service: &str, layout: &str) -> Result<AttributeSpecifier, OpenError> {
+    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|error| failed(service, error))?;
+    let value = layout.try_into().map_err(|error| failed(service, error))?;
+    AttributeSpecifier::new().define(&key, &value).map_err(|error| failed(service, error))
+}
+
+fn with_limits<Payload, Header>(builder: Builder<Payload, Header, Ipc>, limits: &Limits) -> Builder<Payload, Header, Ipc>
+where
+    Payload: Debug + IceoryxSend + ?Sized,
+    Header: Debug + ZeroCopySend,
+{
+    builder
+        .max_publishers(limits.publishers)
+        .max_subscribers(limits.readers)
+        .max_nodes(limits.nodes)
+        .subscriber_max_buffer_size(limits.buffer)
+        .subscriber_max_borrowed_samples(MAX_HELD_SAMPLES)
+        .history_size(limits.history)
+        .enable_safe_overflow(true)
+}
+
+/// Opens a service that clients may have kept from an earlier daemon, or else creates it.
+fn open_or_create<Service>(
+    name: &str,
+    open: impl Fn() -> Result<Service, PublishSubscribeOpenError>,
+    create: impl Fn() -> Result<Service, PublishSubscribeCreateError>,
+) -> Result<Service, OpenError> {
+    let start = Instant::now();
+    loop {
+        let error = match open() {
+            Ok(service) => return Ok(service),
+            Err(PublishSubscribeOpenError::DoesNotExist) => match create() {
+                Ok(service) => return Ok(service),
+                Err(
+                    error @ (PublishSubscribeCreateError::AlreadyExists
+                    | PublishSubscribeCreateError::IsBeingCreatedByAnotherInstance
+                    | PublishSubscribeCreateError::HangsInCreation),
+                ) => failed(name, error),
+                Err(error) => return Err(failed(name, error)),
+            },
+            Err(
+                error @ (PublishSubscribeOpenError::IsMarkedForDestruction
+                | PublishSubscribeOpenError::HangsInCreation
+                | PublishSubscribeOpenError::ServiceInCorruptedState),
+            ) => failed(name, error),
+            Err(error) => return Err(pubsub_open_error(name, error)),
+        };
+        if start.elapsed() > PATIENCE {
+            return Err(error);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// For clients: a service that is not there, or just going, means that no daemon runs.
+fn open_existing<Service>(
+    instance: &InstanceName,
+    name: &str,
+    result: Result<Service, PublishSubscribeOpenError>,
+) -> Result<Service, OpenError> {
+    result.map_err(|error| match error {
+        PublishSubscribeOpenError::DoesNotExist
+        | PublishSubscribeOpenError::IsMarkedForDestruction
+        | PublishSubscribeOpenError::HangsInCreation
+        | PublishSubscribeOpenError::ServiceInCorruptedState => OpenError::NotRunning { instance: instance.clone() },
+        error => pubsub_open_error(name, error),
+    })
+}
+
+/// Makes the pair of functions that create (daemon) and open (client) one publish-subscribe channel. A macro, because iceoryx2's builders for slices and for fixed
+/// sizes share no trait.
+macro_rules! channel {
+    ($create:ident, $open:ident, $name:ident, $payload:ty, $header:ty, $service:ty, $layout:expr) => {
+        pub(crate) fn $create(node: &Node<Ipc>, instance: &InstanceName, limits: &Limits) -> Result<$service, OpenError> {
+            let name = instance.$name();
+            let layout = $layout;
+            let attributes = layout_attribute(&name, &layout)?;
+            let builder =
+                with_limits(node.service_builder(&service_name(&name)?).publish_subscribe::<$payload>().user_header::<$header>(), limits);
+            let service = open_or_create(&name, || builder.clone().open(), || builder.clone().create_with_attributes(&attributes))?;
+            check_layout(&name, service.attributes(), &layout)?;
+            Ok(service)
+        }
+
+        pub(crate) fn $open(node: &Node<Ipc>, instance: &InstanceName) -> Result<$service, OpenError> {
+            let name = instance.$name();
+            let builder = node.service_builder(&service_name(&name)?).publish_subscribe::<$payload>().user_header::<$header>();
+            let service = open_existing(instance, &name, builder.open())?;
+            check_layout(&name, service.attributes(), &$layout)?;
+            Ok(service)
+        }
+    };
+}
+channel!(
+    create_observation,
+    open_observation,
+    observation,
+    [u8],
+    ObservationHeader,
+    ObservationService,
+    layout_text::<ObservationHeader>()
+);
+channel!(create_percept, open_percept, percept, Percept, (), PerceptService, percept_layout_text());
+channel!(create_completion, open_completion, completion, [u8], CompletionHeader, CompletionService, layout_text::<CompletionHeader>());
+channel!(create_status, open_status, status, Status, (), StatusService, layout_text::<Status>());
+
+/// Creates an event service, or opens the one that clients kept.
+pub(crate) fn create_event(
+    node: &Node<Ipc>,
+    name: &str,
+    notifiers: usize,
+    listeners: usize,
+    nodes: usize,
+) -> Result<event::PortFactory<Ipc>, OpenError> {
+    let start = Instant::now();
+    let builder = || -> Result<_, OpenError> {
+        Ok(node
+            .service_builder(&service_name(name)?)
+            .event()
+            .max_notifiers(notifiers)
+            .max_listeners(listeners)
+            .max_nodes(nodes)
+            .event_id_max_value(0)
+            .disable_deadline()
+            .disable_notifier_created_event()
+            .disable_notifier_dropped_event()
+            .disable_notifier_dead_event())
+    };
+    loop {
+        let error = match builder()?.open() {
+            Ok(service) => return Ok(service),
+            Err(EventOpenError::DoesNotExist) => match builder()?.create() {
+                Ok(service) => return Ok(service),
+                Err(error @ (EventCreateError::AlreadyExists | EventCreateError::IsBeingCreatedByAnotherInstance)) => failed(name, error),
+                Err(error) => return Err(failed(name, error)),
+            },
+            Err(
+                error
+                @ (EventOpenError::IsMarkedForDestruction | EventOpenError::HangsInCreation | EventOpenError::ServiceInCorruptedState),
+            ) => failed(name, error),
+            Err(
+                error @ (EventOpenError::DoesNotSupportRequestedAmountOfListeners
+                | EventOpenError::DoesNotSupportRequestedAmountOfNodes
+                | EventOpenError::DoesNotSupportRequestedAmountOfNotifiers),
+            ) => return Err(OpenError::OtherSettings { service: name.to_owned(), cause: format!("{error:?}") }),
+            Err(error) => return Err(failed(name, error)),
+        };
+        if start.elapsed() > PATIENCE {
+            return Err(error);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// For clients: opens an event service of a daemon.
+pub(crate) fn open_event(node: &Node<Ipc>, instance: &InstanceName, name: &str) -> Result<event::PortFactory<Ipc>, OpenError> {
+    node.service_builder(&service_name(name)?).event().open().map_err(|error| match error {
+        EventOpenError::DoesNotExist
+        | EventOpenError::IsMarkedForDestruction
+        | EventOpenError::HangsInCreation
+        | EventOpenError::ServiceInCorruptedState => OpenError::NotRunning { instance: instance.clone() },
+        EventOpenError::ExceedsMaxNumberOfNodes => OpenError::Full { service: name.to_owned(), role: "process" },
+        error => failed(name, error),
+    })
+}
+
+pub(crate) fn create_notifier(service: &event::PortFactory<Ipc>) -> Result<Notifier<Ipc>, OpenError> {
+    let name = service.name().as_str();
+    service.notifier_builder().create().map_err(|error| match error {
+        iceoryx2::port::notifier::NotifierCreateError::ExceedsMaxSupportedNotifiers => {
+            OpenError::Full { service: name.to_owned(), role: "notifier" }
+        }
+        error => failed(name, error),
+    })
+}
+
+pub(crate) fn create_listener(service: &event::PortFactory<Ipc>) -> Result<Listener<Ipc>, OpenError> {
+    let name = service.name().as_str();
+    service.listener_builder().create().map_err(|error| match error {
+        iceoryx2::port::listener::ListenerCreateError::ExceedsMaxSupportedListeners => {
+            OpenError::Full { service: name.to_owned(), role: "listener" }
+        }
+        error => failed(name, error),
+    })
+}
+
+/// A reader with the whole buffer and the whole history of the service.
+pub(crate) fn create_reader<Payload, Header>(
+    service: &publish_subscribe::PortFactory<Ipc, Payload, Header>,
+) -> Result<Subscriber<Ipc, Payload, Header>, OpenError>
+where
+    Payload: Debug + IceoryxSend + ?Sized,
+    Header: Debug + ZeroCopySend,
+{
+    let name = service.name().as_str();
+    service.subscriber_builder().create().map_err(|error| match error {
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => OpenError::Full { service: name.to_owned(), role: "reader" },
+        error => failed(name, error),
+    })
+}
+
+fn publisher_error(name: &str, error: PublisherCreateError) -> OpenError {
+    match error {
+        PublisherCreateError::ExceedsMaxSupportedPublishers => OpenError::Full { service: name.to_owned(), role: "writer" },
+        error => failed(name, error),
+    }
+}
+
+/// A publisher of slices with exactly `chunks` chunks of `len` bytes, all touched: no page fault and no bus error later.
+///
+/// The room in shared memory must have been checked before.
+pub(crate) fn create_slice_publisher<Header>(
+    service: &publish_subscribe::PortFactory<Ipc, [u8], Header>,
+    chunks: usize,
+    len: usize,
+) -> Result<Publisher<Ipc, [u8], Header>, OpenError>
+where
+    Header: Default + Debug + ZeroCopySend,
+{
+    let name = service.name().as_str();
+    let publisher = service
+        .publisher_builder()
+        .initial_max_slice_len(len)
+        .allocation_strategy(AllocationStrategy::Static)
+        // All chunks can be loaned at once, to touch them.
+        .max_loaned_samples(chunks)
+        .override_sample_preallocation(move |_| chunks)
+        .create()
+        .map_err(|error| publisher_error(name, error))?;
+    let mut touched = Vec::with_capacity(chunks);
+    for _ in 0..chunks {
+        let mut chunk = publisher.loan_slice_uninit(len).map_err(|error| failed(name, error))?;
+        chunk.payload_mut().fill(MaybeUninit::new(0));
+        touched.push(chunk);
+    }
+    drop(touched);
+    Ok(publisher)
+}
+
+/// A publisher of fixed-size messages with exactly `chunks` chunks, all touched.
+pub(crate) fn create_publisher<Message>(
+    service: &publish_subscribe::PortFactory<Ipc, Message, ()>,
+    chunks: usize,
+) -> Result<Publisher<Ipc, Message, ()>, OpenError>
+where
+    Message: Debug + IceoryxSend + ZeroCopySend,
+{
+    let name = service.name().as_str();
+    let publisher = service
+        .publisher_builder()
+        .max_loaned_samples(chunks)
+        .override_sample_preallocation(move |_| chunks)
+        .create()
+        .map_err(|error| publisher_error(name, error))?;
+    let mut touched = Vec::with_capacity(chunks);
+    for _ in 0..chunks {
+        let mut chunk = publisher.loan_uninit().map_err(|error| failed(name, error))?;
+        *chunk.payload_mut() = MaybeUninit::zeroed();
+        touched.push(chunk);
+    }
+    drop(touched);
+    Ok(publisher)
+}
+
+/// The process of the daemon that publishes percepts, if there is one: the first word of who serves the instance.
+pub(crate) fn daemon_pid(service: &PerceptService) -> Option<u32> {
+    let mut pid = None;
+    service.dynamic_config().list_publishers(|publisher| {
+        pid = publisher.node_id.pid::<Ipc>().ok().and_then(|pid| u32::try_from(pid.value()).ok());
+        CallbackProgression::Stop
+    });
+    pid
+}
+
+/// Whether a daemon publishes percepts. One that was killed counts until someone has cleaned up after it.
+pub(crate) fn daemon_runs(service: &PerceptService) -> bool {
+    service.dynamic_config().number_of_publishers() > 0
+}
+
+pub(crate) fn loan_error(error: iceoryx2::port::LoanError, asked: usize, possible: usize) -> LoanError {
+    use iceoryx2::port::LoanError as E;
+    match error {
+        E::OutOfMemory | E::ExceedsMaxLoans => LoanError::NoFreeChunk,
+        E::ExceedsMaxLoanSize => LoanError::TooLarge { asked, possible },
+        error => LoanError::Failed(format!("{error:?}")),
+    }
+}
+
+pub(crate) fn send_error(error: iceoryx2::port::SendError) -> SendError {
+    SendError::Failed(format!("{error:?}"))
+}
+
+pub(crate) fn receive_error(error: iceoryx2::port::ReceiveError) -> ReceiveError {
+    match error {
+        iceoryx2::port::ReceiveError::ExceedsMaxBorrows => ReceiveError::TooManyHeld,
+        error => ReceiveError::Failed(format!("{error:?}")),
+    }
+}
+
+/// Waits for a wake-up: true if one came, false after `timeout` or when a signal interrupted.
+pub(crate) fn wait(listener: &Listener<Ipc>, timeout: Duration) -> Result<bool, WaitError> {
+    match listener.timed_wait(|_| (), timeout) {
+        Ok(wake_ups) => Ok(wake_ups > 0),
+        Err(iceoryx2::port::listener::ListenerWaitError::InterruptSignal) => Ok(false),
+        Err(error) => Err(WaitError(format!("{error:?}"))),
+    }
+}
+
+/// Wakes all listeners. That a listener is gone or does not listen is its own affair.
+pub(crate) fn wake(notifier: &Notifier<Ipc>) {
+    if let Err(error) = notifier.notify() {
+        tracing::debug!(?error, "a wake-up was not delivered to everyone");
+    }
+}
+
+/// Connects to peers that came since. A peer that cannot be reached is left for the next time.
+pub(crate) fn update_connections(port: &impl iceoryx2::port::update_connections::UpdateConnections) {
+    if let Err(error) = port.update_connections() {
+        tracing::debug!(?error, "a peer could not be connected");
+    }
+}

@@ -1,0 +1,145 @@
+//! The numbers that messages use for choices, and their checked conversion from what another process wrote.
+
+/// Gives an enum with explicit values a checked conversion from its number: what comes from shared memory is never transmuted.
+macro_rules! checked_codes {
+    ($name:ident { $($variant:ident),+ $(,)? }) => {
+        impl $name {
+            /// The number in messages.
+            pub const fn code(self) -> u32 {
+                self as u32
+            }
+
+            /// The choice for a number from a message, `None` if this version does not know it.
+            pub const fn from_code(code: u32) -> Option<Self> {
+                $(if code == Self::$variant as u32 { return Some(Self::$variant); })+
+                None
+            }
+        }
+    };
+}
+
+/// How an observation was answered: [`crate::Percept::status`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum PerceptStatus {
+    /// Answered.
+    Ok = 0,
+    /// The header's dims are outside the limits, or their product is not the payload's length. `detail` is the payload's length.
+    BadDims = 1,
+    /// The dims are not those that the model was trained for. `detail` is the model's x | y << 16 | z << 32.
+    DimsNotOfModel = 2,
+    /// A voxel is neither 0 (empty), 1 (filled) nor 255 (unknown). `detail` is the voxel's index in the payload.
+    BadVoxel = 3,
+    /// A value of the header is out of its range (see the explanation). `detail` is 0.
+    BadHeader = 4,
+    /// The header's `abi_version` is not [`crate::ABI_VERSION`]. `detail` is the version found.
+    UnknownVersion = 5,
+    /// The daemon cannot do this pose search. `detail` is the `pose_search` asked for.
+    PoseSearchNotSupported = 6,
+    /// The daemon failed on a valid observation; the explanation says why.
+    Internal = 7,
+}
+checked_codes!(PerceptStatus { Ok, BadDims, DimsNotOfModel, BadVoxel, BadHeader, UnknownVersion, PoseSearchNotSupported, Internal });
+
+/// What is known of the object's rotation: [`crate::ObservationHeader::pose_search`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum PoseSearch {
+    /// The grid is in the object's canonical orientation.
+    #[default]
+    Known = 0,
+    /// The object is upright; its rotation about z is unknown.
+    Yaw = 1,
+    /// The rotation is unknown.
+    Full = 2,
+}
+checked_codes!(PoseSearch { Known, Yaw, Full });
+
+/// The frame of a completed grid: [`crate::ObservationHeader::completion_frame`] and [`crate::CompletionHeader::frame`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum CompletionFrame {
+    /// The observation's grid.
+    #[default]
+    Grid = 0,
+    /// The canonical orientation of the training shapes.
+    Object = 1,
+}
+checked_codes!(CompletionFrame { Grid, Object });
+
+/// What lies outside the grid: [`crate::ObservationHeader::outside`]. It matters where a rotated object reaches over the grid's edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum Outside {
+    /// The grid holds the whole object: outside is empty.
+    #[default]
+    Empty = 0,
+    /// Nothing is known of what is outside.
+    Unknown = 1,
+}
+checked_codes!(Outside { Empty, Unknown });
+
+/// Where the sensor looked from: [`crate::ObservationHeader::view`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum View {
+    /// Not said.
+    #[default]
+    Unspecified = 0,
+    /// From above, along −z of the grid.
+    TopDown = 1,
+}
+checked_codes!(View { Unspecified, TopDown });
+
+/// How a percept was computed: [`crate::Percept::method`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum Method {
+    /// Nothing was computed: the observation was refused.
+    #[default]
+    None = 0,
+    /// The calibrated blend.
+    Auto = 1,
+    /// The nearest class mean on the known voxels.
+    Mean = 2,
+    /// As in the paper.
+    Paper = 3,
+    /// The evidence of the class models.
+    Evidence = 4,
+    /// The class density of the visual hull.
+    Hull = 5,
+}
+checked_codes!(Method { None, Auto, Mean, Paper, Evidence, Hull });
+
+/// The bits of [`crate::ObservationHeader::tasks`].
+pub mod tasks {
+    /// Class posterior. It is computed in any case.
+    pub const CLASS: u32 = 1;
+    /// Pose hypotheses.
+    pub const POSE: u32 = 2;
+    /// Completed occupancy with its uncertainty.
+    pub const COMPLETION: u32 = 4;
+    /// All that this version knows.
+    pub const ALL: u32 = CLASS | POSE | COMPLETION;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_round_trip_and_unknown_ones_are_refused() {
+        for code in 0..8 {
+            assert_eq!(PerceptStatus::from_code(code).map(PerceptStatus::code), Some(code));
+        }
+        for code in [8, 255, u32::MAX] {
+            assert_eq!(PerceptStatus::from_code(code), None);
+            assert_eq!(PoseSearch::from_code(code), None);
+            assert_eq!(Method::from_code(code), None);
+        }
+        assert_eq!(PoseSearch::from_code(3), None);
+        assert_eq!(CompletionFrame::from_code(2), None);
+        assert_eq!(Outside::from_code(2), None);
+        assert_eq!(View::from_code(2), None);
+    }
+}

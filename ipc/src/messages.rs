@@ -1,0 +1,450 @@
+//! The messages, exactly as they lie in shared memory: `repr(C)`, no padding, any bit pattern valid, versioned type names.
+//!
+//! Frames, units and time are those of the whole project: metres; quaternions are x, y, z, w; stamps are nanoseconds of CLOCK_MONOTONIC, 0 where a stage did not
+//! run. Reserved bytes are 0. The lengths of arrays are written as numbers, as rustc 1.95 crashes on closures that capture a struct whose array lengths are named
+//! constants of another crate. A field never changes its meaning or place within one version: a change makes a new version with new type names.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::codes::{CompletionFrame, Outside, PoseSearch, View, tasks};
+use crate::layout::{Scalar, layout};
+use crate::limits::{EXPLANATION_LEN, MAX_CLASSES, MAX_HYPOTHESES, NAME_LEN};
+
+const _: () = assert!(MAX_CLASSES == 64 && MAX_HYPOTHESES == 8 && NAME_LEN == 32 && EXPLANATION_LEN == 128);
+
+/// The version of these messages; every message carries it.
+pub const ABI_VERSION: u32 = 1;
+
+/// A `class_index` that says that there is none.
+pub const NO_CLASS: u32 = u32::MAX;
+
+/// Travels with every observation, before its voxels (one byte each: 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`).
+///
+/// `producer_id`, `sequence`, `dims` and the default of `capture_ns` are filled in by [`crate::Producer`].
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("beo.v1.ObservationHeader")]
+pub struct ObservationHeader {
+    /// [`ABI_VERSION`].
+    pub abi_version: u32,
+    /// What is known of the rotation: a number of [`PoseSearch`].
+    pub pose_search: u32,
+    /// Who wrote this; unique among the producers of a machine.
+    pub producer_id: u64,
+    /// The producer's own name for the object: observations of one object replace each other when the daemon is busy.
+    pub object_id: u64,
+    /// Counted by the producer, from 1.
+    pub sequence: u64,
+    /// When the sensor data was taken.
+    pub capture_ns: u64,
+    /// The producer's own stamp, of any clock, passed through.
+    pub sensor_stamp_ns: u64,
+    /// After this time the answer is of no use; 0 for no deadline.
+    pub deadline_ns: u64,
+    /// The grid's centre in the frame `frame_id`, metres.
+    pub position_m: [f64; 3],
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w.
+    pub orientation: [f64; 4],
+    /// Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels).
+    pub voxel_size_m: f32,
+    /// Voxels along x, y, z.
+    pub dims: [u32; 3],
+    /// What to compute: bits of [`tasks`].
+    pub tasks: u32,
+    /// In which frame the completion is wanted: a number of [`CompletionFrame`].
+    pub completion_frame: u32,
+    /// What lies outside the grid: a number of [`Outside`].
+    pub outside: u32,
+    /// Where the sensor looked from: a number of [`View`].
+    pub view: u32,
+    /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
+    pub frame_id: [u8; 32],
+    /// 0.
+    pub reserved: [u8; 64],
+}
+layout!(ObservationHeader: 240 {
+    abi_version @ 0, pose_search @ 4, producer_id @ 8, object_id @ 16, sequence @ 24, capture_ns @ 32, sensor_stamp_ns @ 40, deadline_ns @ 48,
+    position_m @ 56, orientation @ 80, voxel_size_m @ 112, dims @ 116, tasks @ 128, completion_frame @ 132, outside @ 136, view @ 140,
+    frame_id @ 144, reserved @ 176,
+});
+
+impl ObservationHeader {
+    /// A header for a grid of `dims`: known pose, class and completion, centred at the origin, scale not known.
+    pub const fn new(dims: [u32; 3]) -> Self {
+        Self {
+            abi_version: ABI_VERSION,
+            pose_search: PoseSearch::Known.code(),
+            producer_id: 0,
+            object_id: 0,
+            sequence: 0,
+            capture_ns: 0,
+            sensor_stamp_ns: 0,
+            deadline_ns: 0,
+            position_m: [0.0; 3],
+            orientation: [0.0, 0.0, 0.0, 1.0],
+            voxel_size_m: 1.0,
+            dims,
+            tasks: tasks::CLASS | tasks::COMPLETION,
+            completion_frame: CompletionFrame::Grid.code(),
+            outside: Outside::Empty.code(),
+            view: View::Unspecified.code(),
+            frame_id: [0; NAME_LEN],
+            reserved: [0; 64],
+        }
+    }
+}
+
+impl Default for ObservationHeader {
+    /// [`ObservationHeader::new`] without dims: to be filled in.
+    fn default() -> Self {
+        Self::new([0; 3])
+    }
+}
+
+/// How the object may be turned.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("beo.v1.Hypothesis")]
+pub struct Hypothesis {
+    /// Turns object axes into grid axes: unit quaternion x, y, z, w.
+    pub rotation_object_to_grid: [f32; 4],
+    /// The class that this pose belongs to.
+    pub class_index: u32,
+    /// Posterior probability of this class and pose.
+    pub probability: f32,
+}
+layout!(Hypothesis: 24 { rotation_object_to_grid @ 0, class_index @ 16, probability @ 20 });
+
+impl Hypothesis {
+    /// All zero: the unused entries of a percept.
+    pub const ZERO: Self = Self { rotation_object_to_grid: [0.0; 4], class_index: 0, probability: 0.0 };
+}
+
+impl Scalar for Hypothesis {
+    const NAME: &'static str = "Hypothesis";
+}
+
+/// The answer to one observation: class posterior, pose hypotheses, timings, status.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("beo.v1.Percept")]
+pub struct Percept {
+    /// [`ABI_VERSION`].
+    pub abi_version: u32,
+    /// A number of [`crate::PerceptStatus`]; unless it is 0 (ok), class, posterior and hypotheses are empty.
+    pub status: u32,
+    /// The run of the daemon that answered; changes when the daemon restarts.
+    pub daemon_id: u64,
+    /// The model that answered.
+    pub model_id: u64,
+    /// Who wrote the observation.
+    pub producer_id: u64,
+    /// The producer's own name for the object.
+    pub object_id: u64,
+    /// The observation's number, counted by its producer.
+    pub sequence: u64,
+    /// More about `status`: see [`crate::PerceptStatus`].
+    pub detail: u64,
+    /// When the sensor data was taken.
+    pub capture_ns: u64,
+    /// The producer's own stamp, passed through.
+    pub sensor_stamp_ns: u64,
+    /// When the daemon took the observation.
+    pub received_ns: u64,
+    /// When the class posterior was ready.
+    pub classified_ns: u64,
+    /// When the pose hypotheses were ready.
+    pub posed_ns: u64,
+    /// When the completion was ready.
+    pub completed_ns: u64,
+    /// When this percept was sent.
+    pub published_ns: u64,
+    /// The grid's centre in the frame `frame_id`, metres, as the observation had it.
+    pub position_m: [f64; 3],
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it.
+    pub orientation: [f64; 4],
+    /// Edge of a voxel, metres, as the observation had it.
+    pub voxel_size_m: f32,
+    /// Voxels along x, y, z.
+    pub dims: [u32; 3],
+    /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
+    pub frame_id: [u8; 32],
+    /// How it was computed: a number of [`crate::Method`].
+    pub method: u32,
+    /// How many entries of `posterior` and `log_evidence` are used.
+    pub class_count: u32,
+    /// The most probable class, an index into the status' class names; [`NO_CLASS`] if the observation was refused.
+    pub class_index: u32,
+    /// How many entries of `hypotheses` are used, most probable first.
+    pub hypothesis_count: u32,
+    /// Spread of the rotation's posterior: expected angle to the first hypothesis, radians.
+    pub rotation_spread_rad: f32,
+    /// What was computed: bits of [`tasks`].
+    pub tasks: u32,
+    /// Probability of each class; unused entries are 0.
+    pub posterior: [f32; 64],
+    /// Log evidence (or log score) of each class before priors and calibration, natural logarithm; unused entries are 0.
+    pub log_evidence: [f32; 64],
+    /// Pose hypotheses, most probable first; unused entries are 0.
+    pub hypotheses: [Hypothesis; 8],
+    /// Why the observation was refused, for people: UTF-8, padded with NUL.
+    pub explanation: [u8; 128],
+    /// 0.
+    pub reserved: [u8; 64],
+}
+layout!(Percept: 1136 {
+    abi_version @ 0, status @ 4, daemon_id @ 8, model_id @ 16, producer_id @ 24, object_id @ 32, sequence @ 40, detail @ 48, capture_ns @ 56,
+    sensor_stamp_ns @ 64, received_ns @ 72, classified_ns @ 80, posed_ns @ 88, completed_ns @ 96, published_ns @ 104, position_m @ 112,
+    orientation @ 136, voxel_size_m @ 168, dims @ 172, frame_id @ 184, method @ 216, class_count @ 220, class_index @ 224,
+    hypothesis_count @ 228, rotation_spread_rad @ 232, tasks @ 236, posterior @ 240, log_evidence @ 496, hypotheses @ 752, explanation @ 944,
+    reserved @ 1072,
+});
+
+impl Percept {
+    /// No class, everything else 0.
+    pub const EMPTY: Self = Self {
+        abi_version: ABI_VERSION,
+        status: 0,
+        daemon_id: 0,
+        model_id: 0,
+        producer_id: 0,
+        object_id: 0,
+        sequence: 0,
+        detail: 0,
+        capture_ns: 0,
+        sensor_stamp_ns: 0,
+        received_ns: 0,
+        classified_ns: 0,
+        posed_ns: 0,
+        completed_ns: 0,
+        published_ns: 0,
+        position_m: [0.0; 3],
+        orientation: [0.0; 4],
+        voxel_size_m: 0.0,
+        dims: [0; 3],
+        frame_id: [0; NAME_LEN],
+        method: 0,
+        class_count: 0,
+        class_index: NO_CLASS,
+        hypothesis_count: 0,
+        rotation_spread_rad: 0.0,
+        tasks: 0,
+        posterior: [0.0; MAX_CLASSES],
+        log_evidence: [0.0; MAX_CLASSES],
+        hypotheses: [Hypothesis::ZERO; MAX_HYPOTHESES],
+        explanation: [0; EXPLANATION_LEN],
+        reserved: [0; 64],
+    };
+
+    /// A percept that repeats the identifiers, stamps and placement of the observation it answers; no class yet.
+    pub fn answering(observation: &ObservationHeader) -> Self {
+        Self {
+            producer_id: observation.producer_id,
+            object_id: observation.object_id,
+            sequence: observation.sequence,
+            capture_ns: observation.capture_ns,
+            sensor_stamp_ns: observation.sensor_stamp_ns,
+            position_m: observation.position_m,
+            orientation: observation.orientation,
+            voxel_size_m: observation.voxel_size_m,
+            dims: observation.dims,
+            frame_id: observation.frame_id,
+            ..Self::EMPTY
+        }
+    }
+}
+
+/// Travels with every completion. Its payload is `2 × voxels` bytes: first the occupancy probability of every voxel, then its standard deviation, each value × 255.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("beo.v1.CompletionHeader")]
+pub struct CompletionHeader {
+    /// [`ABI_VERSION`].
+    pub abi_version: u32,
+    /// The frame of the payload: a number of [`CompletionFrame`].
+    pub frame: u32,
+    /// The run of the daemon that answered.
+    pub daemon_id: u64,
+    /// The model that answered.
+    pub model_id: u64,
+    /// Who wrote the observation.
+    pub producer_id: u64,
+    /// The producer's own name for the object.
+    pub object_id: u64,
+    /// The observation's number, counted by its producer.
+    pub sequence: u64,
+    /// When the sensor data was taken.
+    pub capture_ns: u64,
+    /// The producer's own stamp, passed through.
+    pub sensor_stamp_ns: u64,
+    /// When this completion was sent.
+    pub published_ns: u64,
+    /// The grid's centre in the frame `frame_id`, metres, as the observation had it.
+    pub position_m: [f64; 3],
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it.
+    pub orientation: [f64; 4],
+    /// Edge of a voxel, metres.
+    pub voxel_size_m: f32,
+    /// Voxels of the payload along x, y, z.
+    pub dims: [u32; 3],
+    /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
+    pub frame_id: [u8; 32],
+    /// The pose that was completed: turns object axes into grid axes, unit quaternion x, y, z, w.
+    pub rotation_object_to_grid: [f32; 4],
+    /// The most probable class.
+    pub class_index: u32,
+    /// How it was computed: a number of [`crate::Method`].
+    pub method: u32,
+    /// 0.
+    pub reserved: [u8; 64],
+}
+layout!(CompletionHeader: 264 {
+    abi_version @ 0, frame @ 4, daemon_id @ 8, model_id @ 16, producer_id @ 24, object_id @ 32, sequence @ 40, capture_ns @ 48,
+    sensor_stamp_ns @ 56, published_ns @ 64, position_m @ 72, orientation @ 96, voxel_size_m @ 128, dims @ 132, frame_id @ 144,
+    rotation_object_to_grid @ 176, class_index @ 192, method @ 196, reserved @ 200,
+});
+
+impl CompletionHeader {
+    /// A header that repeats the identifiers, stamps, dims and placement of the observation it completes, in the grid's frame.
+    pub fn answering(observation: &ObservationHeader) -> Self {
+        Self {
+            abi_version: ABI_VERSION,
+            frame: CompletionFrame::Grid.code(),
+            daemon_id: 0,
+            model_id: 0,
+            producer_id: observation.producer_id,
+            object_id: observation.object_id,
+            sequence: observation.sequence,
+            capture_ns: observation.capture_ns,
+            sensor_stamp_ns: observation.sensor_stamp_ns,
+            published_ns: 0,
+            position_m: observation.position_m,
+            orientation: observation.orientation,
+            voxel_size_m: observation.voxel_size_m,
+            dims: observation.dims,
+            frame_id: observation.frame_id,
+            rotation_object_to_grid: [0.0, 0.0, 0.0, 1.0],
+            class_index: NO_CLASS,
+            method: 0,
+            reserved: [0; 64],
+        }
+    }
+}
+
+impl Default for CompletionHeader {
+    /// The completion of the default observation: to be filled in.
+    fn default() -> Self {
+        Self::answering(&ObservationHeader::default())
+    }
+}
+
+/// The daemon's heartbeat: who it is, what model it serves, how it does.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("beo.v1.Status")]
+pub struct Status {
+    /// [`ABI_VERSION`].
+    pub abi_version: u32,
+    /// The daemon's process id.
+    pub pid: u32,
+    /// The run of the daemon; changes when it restarts.
+    pub daemon_id: u64,
+    /// The model that is served.
+    pub model_id: u64,
+    /// When the daemon started.
+    pub started_ns: u64,
+    /// When this was sent.
+    pub heartbeat_ns: u64,
+    /// When to expect the next: this long after `heartbeat_ns`.
+    pub heartbeat_interval_ns: u64,
+    /// Observations that arrived; the sum of the next three and of those still in work.
+    pub received: u64,
+    /// Observations that were answered with status ok.
+    pub answered: u64,
+    /// Observations that a newer one of the same stream replaced.
+    pub dropped: u64,
+    /// Observations that were answered with another status.
+    pub refused: u64,
+    /// Median time from taking an observation to sending its percept, over the daemon's recent observations.
+    pub latency_p50_ns: u64,
+    /// 90th percentile of the same.
+    pub latency_p90_ns: u64,
+    /// 99th percentile of the same.
+    pub latency_p99_ns: u64,
+    /// The model's dims.
+    pub dims: [u32; 3],
+    /// How many entries of `class_names` are used.
+    pub class_count: u32,
+    /// The names of the classes: UTF-8, padded with NUL.
+    pub class_names: [[u8; 32]; 64],
+    /// The model's name, for people: UTF-8, padded with NUL.
+    pub model_name: [u8; 64],
+    /// 0.
+    pub reserved: [u8; 64],
+}
+layout!(Status: 2296 {
+    abi_version @ 0, pid @ 4, daemon_id @ 8, model_id @ 16, started_ns @ 24, heartbeat_ns @ 32, heartbeat_interval_ns @ 40, received @ 48,
+    answered @ 56, dropped @ 64, refused @ 72, latency_p50_ns @ 80, latency_p90_ns @ 88, latency_p99_ns @ 96, dims @ 104, class_count @ 116,
+    class_names @ 120, model_name @ 2168, reserved @ 2232,
+});
+
+impl Status {
+    /// No class, everything 0.
+    pub const EMPTY: Self = Self {
+        abi_version: ABI_VERSION,
+        pid: 0,
+        daemon_id: 0,
+        model_id: 0,
+        started_ns: 0,
+        heartbeat_ns: 0,
+        heartbeat_interval_ns: 0,
+        received: 0,
+        answered: 0,
+        dropped: 0,
+        refused: 0,
+        latency_p50_ns: 0,
+        latency_p90_ns: 0,
+        latency_p99_ns: 0,
+        dims: [0; 3],
+        class_count: 0,
+        class_names: [[0; NAME_LEN]; MAX_CLASSES],
+        model_name: [0; 64],
+        reserved: [0; 64],
+    };
+
+    /// The names of the classes that are used, in the order of [`Percept::posterior`].
+    pub fn class_names(&self) -> impl Iterator<Item = &str> {
+        self.class_names.iter().take((self.class_count as usize).min(MAX_CLASSES)).map(|name| crate::text::from_field(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::Layout;
+
+    #[test]
+    fn the_published_layouts_have_these_hashes() {
+        // A change here breaks every running peer: make a new version instead.
+        let hashes = [
+            ObservationHeader::LAYOUT_HASH,
+            Hypothesis::LAYOUT_HASH,
+            Percept::LAYOUT_HASH,
+            CompletionHeader::LAYOUT_HASH,
+            Status::LAYOUT_HASH,
+        ];
+        assert_eq!(
+            hashes.map(|hash| format!("{hash:016x}")),
+            ["eb0d3d9b8c3f63e5", "fec395a92f4fab4f", "e44ae66af63a23df", "afcef3a2f37815de", "3d431661199e0a0b",]
+        );
+    }
+
+    #[test]
+    fn a_status_with_a_lying_class_count_gives_no_more_names_than_there_are() {
+        let mut status = Status::EMPTY;
+        status.class_count = u32::MAX;
+        status.class_names[1] = crate::text::to_field("chair");
+        assert_eq!(status.class_names().count(), MAX_CLASSES);
+        assert_eq!(status.class_names().nth(1), Some("chair"));
+    }
+}

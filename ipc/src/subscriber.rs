@@ -1,0 +1,159 @@
+//! The end of whoever wants to know: percepts, completions and the daemon's status.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::subscriber::Subscriber as Reader;
+use iceoryx2::prelude::Node;
+use iceoryx2::sample::Sample;
+
+use crate::InstanceName;
+use crate::channel::{self, PerceptService};
+use crate::error::{OpenError, ReceiveError, WaitError, retry_within};
+use crate::limits::voxel_count;
+use crate::messages::{CompletionHeader, Percept, Status};
+use crate::node::{self, Ipc};
+use crate::shared::copy_of;
+
+/// What to subscribe to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SubscriberOptions {
+    /// Completions too. Without them the big segment is never mapped. Default: no.
+    pub completion: bool,
+}
+
+/// Reads what a daemon says. A late one gets the last percept, completion and status at the daemon's next [`crate::Server::maintain`] (about a second), or when it
+/// next sends.
+///
+/// A reader that does not read loses its oldest percepts (32 are kept) and completions (2 are kept, 1 of big grids), and delays nobody. It outlives the daemon: when
+/// another one starts with the same settings, percepts go on, with another `daemon_id`.
+#[derive(Debug)]
+pub struct Subscriber {
+    percepts: Reader<Ipc, Percept, ()>,
+    completions: Option<Reader<Ipc, [u8], CompletionHeader>>,
+    statuses: Reader<Ipc, Status, ()>,
+    perceived: Listener<Ipc>,
+    last_status: Mutex<Option<Status>>,
+    service: PerceptService,
+    // Dropped last.
+    node: Node<Ipc>,
+}
+
+impl Subscriber {
+    /// Joins the running daemon of `instance` as a reader.
+    ///
+    /// # Errors
+    /// [`OpenError::NotRunning`] before the daemon runs; see [`OpenError`] for the rest.
+    pub fn open(instance: &InstanceName, options: &SubscriberOptions) -> Result<Self, OpenError> {
+        let node = node::create("subscriber", instance)?;
+        let service = channel::open_percept(&node, instance)?;
+        if !channel::daemon_runs(&service) {
+            return Err(OpenError::NotRunning { instance: instance.clone() });
+        }
+        // The listener first: no percept arrives between it and the readers without a wake-up.
+        let perceived = channel::create_listener(&channel::open_event(&node, instance, &instance.perceived())?)?;
+        let completions = match options.completion {
+            true => Some(channel::create_reader(&channel::open_completion(&node, instance)?)?),
+            false => None,
+        };
+        let percepts = channel::create_reader(&service)?;
+        let statuses = channel::create_reader(&channel::open_status(&node, instance)?)?;
+        Ok(Self { percepts, completions, statuses, perceived, last_status: Mutex::new(None), service, node })
+    }
+
+    /// As [`Subscriber::open`], but waits up to `timeout` for the daemon.
+    ///
+    /// # Errors
+    /// As [`Subscriber::open`].
+    pub fn open_within(instance: &InstanceName, options: &SubscriberOptions, timeout: Duration) -> Result<Self, OpenError> {
+        retry_within(timeout, || Self::open(instance, options))
+    }
+
+    /// Whether a daemon is there. One that was killed counts until someone has cleaned up after it: see [`Subscriber::maintain`].
+    pub fn daemon_runs(&self) -> bool {
+        channel::daemon_runs(&self.service)
+    }
+
+    /// Waits until the daemon has sent something, at most `timeout`: true if it has, false otherwise or when a signal interrupted. Take everything before waiting
+    /// again: one wake-up can stand for several percepts.
+    ///
+    /// # Errors
+    /// [`WaitError`] if the event service is broken.
+    pub fn wait(&self, timeout: Duration) -> Result<bool, WaitError> {
+        channel::wait(&self.perceived, timeout)
+    }
+
+    /// The oldest percept not yet taken.
+    ///
+    /// # Errors
+    /// [`ReceiveError::Failed`] if iceoryx2 could not receive it.
+    pub fn take_percept(&self) -> Result<Option<Percept>, ReceiveError> {
+        let sample = self.percepts.receive().map_err(channel::receive_error)?;
+        Ok(sample.map(|sample| copy_of(sample.payload())))
+    }
+
+    /// The oldest completion not yet taken, where it lies; `None` also if completions were not subscribed to. At most [`channel::MAX_HELD_SAMPLES`] can be held.
+    ///
+    /// # Errors
+    /// [`ReceiveError::TooManyHeld`] until a completion taken earlier is dropped, [`ReceiveError::Broken`] if header and payload contradict each other.
+    pub fn take_completion(&self) -> Result<Option<Completion>, ReceiveError> {
+        let Some(reader) = &self.completions else { return Ok(None) };
+        let Some(sample) = reader.receive().map_err(channel::receive_error)? else { return Ok(None) };
+        let header = copy_of(sample.user_header());
+        let (expected, found) = (2 * voxel_count(header.dims).unwrap_or(0), sample.payload().len());
+        if expected == 0 || expected != found {
+            return Err(ReceiveError::Broken { expected, found });
+        }
+        Ok(Some(Completion { header, sample }))
+    }
+
+    /// The newest status that the daemon sent, `None` before the first.
+    ///
+    /// # Errors
+    /// [`ReceiveError::Failed`] if iceoryx2 could not receive it.
+    pub fn status(&self) -> Result<Option<Status>, ReceiveError> {
+        // A thread that panicked while it held the lock left a whole status.
+        let mut last = self.last_status.lock().unwrap_or_else(PoisonError::into_inner);
+        while let Some(sample) = self.statuses.receive().map_err(channel::receive_error)? {
+            *last = Some(copy_of(sample.payload()));
+        }
+        Ok(*last)
+    }
+
+    /// Housekeeping for when the daemon's heartbeat is missed: cleans up after processes that died, and connects to a daemon that came since.
+    pub fn maintain(&self) {
+        self.node.try_cleanup_dead_nodes();
+        channel::update_connections(&self.percepts);
+        channel::update_connections(&self.statuses);
+        if let Some(completions) = &self.completions {
+            channel::update_connections(completions);
+        }
+    }
+}
+
+/// A completed grid where it lies in shared memory; held until dropped.
+#[derive(Debug)]
+pub struct Completion {
+    header: CompletionHeader,
+    sample: Sample<Ipc, [u8], CompletionHeader>,
+}
+
+impl Completion {
+    /// What it answers, and where the grid lies.
+    pub fn header(&self) -> &CompletionHeader {
+        &self.header
+    }
+
+    /// Probability of being filled × 255, one byte per voxel, C order `[x][y][z]`.
+    pub fn occupancy(&self) -> &[u8] {
+        let payload = self.sample.payload();
+        &payload[..payload.len() / 2]
+    }
+
+    /// Standard deviation of that probability × 255, one byte per voxel, C order `[x][y][z]`.
+    pub fn deviation(&self) -> &[u8] {
+        let payload = self.sample.payload();
+        &payload[payload.len() / 2..]
+    }
+}

@@ -1,0 +1,295 @@
+//! Is this observation one that can be answered? Header against payload, before a voxel is looked at.
+//!
+//! The voxels themselves are checked by the daemon while it copies them: a producer could change them after any earlier check.
+
+use crate::codes::{CompletionFrame, Outside, PerceptStatus, PoseSearch, View, tasks};
+use crate::limits::{MAX_DIM, MIN_DIM, voxel_count};
+use crate::messages::{ABI_VERSION, ObservationHeader, Percept};
+use crate::text::to_field;
+
+/// How far the norm of a unit quaternion may be from 1.
+pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
+
+/// Why an observation is refused. The text is the percept's explanation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// The producer was built for another version of the messages.
+    #[error("abi_version is {0}; this daemon speaks {ABI_VERSION}")]
+    UnknownVersion(u32),
+    /// An axis is outside the limits.
+    #[error("dims are {dims:?}; each axis must have {MIN_DIM} to {MAX_DIM} voxels")]
+    BadDims {
+        /// What the header says.
+        dims: [u32; 3],
+        /// Bytes of the payload.
+        payload_len: usize,
+    },
+    /// The payload has not one byte per voxel.
+    #[error("the payload has {payload_len} bytes; dims {dims:?} need {}", voxel_count(*.dims).unwrap_or(0))]
+    WrongLength {
+        /// What the header says.
+        dims: [u32; 3],
+        /// Bytes of the payload.
+        payload_len: usize,
+    },
+    /// The model was trained for other dims.
+    #[error("dims are {dims:?}; the model is for {model:?}")]
+    DimsNotOfModel {
+        /// What the header says.
+        dims: [u32; 3],
+        /// What the model was trained for.
+        model: [u32; 3],
+    },
+    /// A voxel is none of 0, 1 and 255.
+    #[error("voxel {index} is {value}; it must be 0 (empty), 1 (filled) or 255 (unknown)")]
+    BadVoxel {
+        /// Index in the payload.
+        index: usize,
+        /// What it is.
+        value: u8,
+    },
+    /// NaN or infinite.
+    #[error("{0} is not finite")]
+    NotFinite(&'static str),
+    /// Zero, negative, NaN or infinite.
+    #[error("voxel_size_m is {0}; it must be positive and finite")]
+    BadVoxelSize(f32),
+    /// The norm of `orientation` is not 1.
+    #[error("orientation has norm {0:e}; it must be a unit quaternion x, y, z, w")]
+    NotUnit(f64),
+    /// A number that this version does not know.
+    #[error("{field} is {code}; this daemon knows no such choice")]
+    UnknownCode {
+        /// Which field of the header.
+        field: &'static str,
+        /// What it is.
+        code: u32,
+    },
+    /// Known, but not by this daemon and model.
+    #[error("pose_search {0:?} is not supported by this daemon")]
+    PoseSearchNotSupported(PoseSearch),
+    /// The daemon failed.
+    #[error("{0}")]
+    Internal(String),
+}
+
+impl Refusal {
+    /// The status of the percept that says so.
+    pub fn status(&self) -> PerceptStatus {
+        match self {
+            Self::UnknownVersion(_) => PerceptStatus::UnknownVersion,
+            Self::BadDims { .. } | Self::WrongLength { .. } => PerceptStatus::BadDims,
+            Self::DimsNotOfModel { .. } => PerceptStatus::DimsNotOfModel,
+            Self::BadVoxel { .. } => PerceptStatus::BadVoxel,
+            Self::NotFinite(_) | Self::BadVoxelSize(_) | Self::NotUnit(_) | Self::UnknownCode { .. } => PerceptStatus::BadHeader,
+            Self::PoseSearchNotSupported(_) => PerceptStatus::PoseSearchNotSupported,
+            Self::Internal(_) => PerceptStatus::Internal,
+        }
+    }
+
+    /// The percept's `detail`, as [`PerceptStatus`] describes it.
+    pub fn detail(&self) -> u64 {
+        match self {
+            Self::UnknownVersion(version) => u64::from(*version),
+            Self::BadDims { payload_len, .. } | Self::WrongLength { payload_len, .. } => *payload_len as u64,
+            Self::DimsNotOfModel { model: [x, y, z], .. } => u64::from(*x) | u64::from(*y) << 16 | u64::from(*z) << 32,
+            Self::BadVoxel { index, .. } => *index as u64,
+            Self::PoseSearchNotSupported(search) => u64::from(search.code()),
+            Self::NotFinite(_) | Self::BadVoxelSize(_) | Self::NotUnit(_) | Self::UnknownCode { .. } | Self::Internal(_) => 0,
+        }
+    }
+}
+
+impl Percept {
+    /// The percept that refuses an observation and says why. A placement that is not valid is not repeated.
+    pub fn refusing(observation: &ObservationHeader, refusal: &Refusal) -> Self {
+        let mut percept = Self::answering(observation);
+        percept.status = refusal.status().code();
+        percept.detail = refusal.detail();
+        percept.explanation = to_field(&refusal.to_string());
+        if check_placement(observation).is_err() {
+            percept.position_m = Self::EMPTY.position_m;
+            percept.orientation = Self::EMPTY.orientation;
+            percept.voxel_size_m = Self::EMPTY.voxel_size_m;
+        }
+        percept
+    }
+}
+
+/// Checks a header against its payload's length (bytes). On success it gives the number of voxels, which is that length.
+///
+/// The header must be the reader's own copy: one that lies in shared memory could change after the check.
+pub fn validate(header: &ObservationHeader, payload_len: usize) -> Result<usize, Refusal> {
+    if header.abi_version != ABI_VERSION {
+        return Err(Refusal::UnknownVersion(header.abi_version));
+    }
+    let dims = header.dims;
+    let voxels = voxel_count(dims).ok_or(Refusal::BadDims { dims, payload_len })?;
+    if voxels != payload_len {
+        return Err(Refusal::WrongLength { dims, payload_len });
+    }
+    check_placement(header)?;
+    check_code("pose_search", header.pose_search, PoseSearch::from_code(header.pose_search).is_some())?;
+    check_code("tasks", header.tasks, header.tasks & !tasks::ALL == 0)?;
+    check_code("completion_frame", header.completion_frame, CompletionFrame::from_code(header.completion_frame).is_some())?;
+    check_code("outside", header.outside, Outside::from_code(header.outside).is_some())?;
+    check_code("view", header.view, View::from_code(header.view).is_some())?;
+    Ok(voxels)
+}
+
+fn check_placement(header: &ObservationHeader) -> Result<(), Refusal> {
+    if !header.position_m.iter().all(|value| value.is_finite()) {
+        return Err(Refusal::NotFinite("position_m"));
+    }
+    if !header.orientation.iter().all(|value| value.is_finite()) {
+        return Err(Refusal::NotFinite("orientation"));
+    }
+    let norm = header.orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
+    // Of finite parts it is finite or, by overflow, infinite; never NaN.
+    if (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
+        return Err(Refusal::NotUnit(norm));
+    }
+    if !(header.voxel_size_m.is_finite() && header.voxel_size_m > 0.0) {
+        return Err(Refusal::BadVoxelSize(header.voxel_size_m));
+    }
+    Ok(())
+}
+
+fn check_code(field: &'static str, code: u32, known: bool) -> Result<(), Refusal> {
+    if known { Ok(()) } else { Err(Refusal::UnknownCode { field, code }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::text::from_field;
+
+    const DIMS: [u32; 3] = [30, 20, 10];
+    const LEN: usize = 6000;
+
+    fn refusal(change: impl Fn(&mut ObservationHeader)) -> Refusal {
+        let mut header = ObservationHeader::new(DIMS);
+        change(&mut header);
+        validate(&header, LEN).expect_err("a hostile header passed")
+    }
+
+    #[test]
+    fn a_good_header_passes_with_its_voxel_count() {
+        let mut header = ObservationHeader::new(DIMS);
+        assert_eq!(validate(&header, LEN), Ok(LEN));
+        header.orientation = [0.5, -0.5, 0.5, -0.5004];
+        header.pose_search = PoseSearch::Full.code();
+        header.tasks = tasks::ALL;
+        header.frame_id = [0xff; 32];
+        header.sequence = u64::MAX;
+        header.capture_ns = u64::MAX;
+        assert_eq!(validate(&header, LEN), Ok(LEN));
+        assert_eq!(validate(&ObservationHeader::new([256; 3]), 1 << 24), Ok(1 << 24));
+    }
+
+    #[test]
+    fn dims_that_lie_or_overflow_are_refused() {
+        for dims in [[0; 3], [u32::MAX; 3], [7, 30, 30], [257, 8, 8], [1 << 31, 2, 1], [65536, 65536, 1], [1 << 22, 1 << 22, 1 << 20]] {
+            assert_eq!(refusal(|header| header.dims = dims), Refusal::BadDims { dims, payload_len: LEN });
+        }
+        assert_eq!(refusal(|header| header.dims = dims_swapped()).status(), PerceptStatus::BadDims);
+        for payload_len in [0, LEN - 1, LEN + 1, usize::MAX] {
+            let refusal = validate(&ObservationHeader::new(DIMS), payload_len).unwrap_err();
+            assert_eq!(refusal, Refusal::WrongLength { dims: DIMS, payload_len });
+            assert_eq!((refusal.status(), refusal.detail()), (PerceptStatus::BadDims, payload_len as u64));
+        }
+    }
+
+    fn dims_swapped() -> [u32; 3] {
+        [31, 20, 10]
+    }
+
+    #[test]
+    fn placements_that_are_not_finite_are_refused() {
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for axis in 0..3 {
+                assert_eq!(refusal(|header| header.position_m[axis] = bad), Refusal::NotFinite("position_m"));
+            }
+            for part in 0..4 {
+                assert_eq!(refusal(|header| header.orientation[part] = bad), Refusal::NotFinite("orientation"));
+            }
+        }
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, -0.01] {
+            let refusal = refusal(|header| header.voxel_size_m = bad);
+            assert!(matches!(refusal, Refusal::BadVoxelSize(_)), "{bad}");
+            assert_eq!(refusal.status(), PerceptStatus::BadHeader);
+        }
+    }
+
+    #[test]
+    fn quaternions_that_are_not_unit_are_refused() {
+        for bad in [[0.0; 4], [0.0, 0.0, 0.0, 2.0], [0.5; 4].map(|value| value * 1.01), [1.0; 4], [f64::MAX; 4]] {
+            let refusal = refusal(|header| header.orientation = bad);
+            assert!(matches!(refusal, Refusal::NotUnit(_)), "{bad:?}");
+            assert_eq!(refusal.status(), PerceptStatus::BadHeader);
+        }
+    }
+
+    #[test]
+    fn unknown_versions_and_choices_are_refused() {
+        for version in [0, 2, u32::MAX] {
+            let refusal = refusal(|header| header.abi_version = version);
+            assert_eq!((refusal.status(), refusal.detail()), (PerceptStatus::UnknownVersion, u64::from(version)));
+        }
+        type Change = fn(&mut ObservationHeader, u32);
+        let fields: [(&str, u32, Change); 5] = [
+            ("pose_search", 3, |header, code| header.pose_search = code),
+            ("tasks", 8, |header, code| header.tasks = code),
+            ("completion_frame", 2, |header, code| header.completion_frame = code),
+            ("outside", 2, |header, code| header.outside = code),
+            ("view", 2, |header, code| header.view = code),
+        ];
+        for (field, first_unknown, change) in fields {
+            for code in [first_unknown, u32::MAX] {
+                let refusal = refusal(|header| change(header, code));
+                assert_eq!(refusal, Refusal::UnknownCode { field, code });
+                assert_eq!(refusal.status(), PerceptStatus::BadHeader);
+            }
+        }
+    }
+
+    #[test]
+    fn a_refusing_percept_names_the_observation_and_the_reason_but_repeats_no_nan() {
+        let mut header = ObservationHeader::new(DIMS);
+        (header.producer_id, header.object_id, header.sequence, header.capture_ns) = (5, 6, 7, 8);
+        header.position_m = [1.0, 2.0, 3.0];
+        let percept = Percept::refusing(&header, &Refusal::BadVoxel { index: 123, value: 7 });
+        assert_eq!((percept.producer_id, percept.object_id, percept.sequence, percept.capture_ns), (5, 6, 7, 8));
+        assert_eq!((percept.status, percept.detail), (PerceptStatus::BadVoxel.code(), 123));
+        assert_eq!(percept.position_m, [1.0, 2.0, 3.0]);
+        assert_eq!((percept.class_index, percept.class_count), (crate::NO_CLASS, 0));
+        assert_eq!(from_field(&percept.explanation), "voxel 123 is 7; it must be 0 (empty), 1 (filled) or 255 (unknown)");
+
+        header.position_m[1] = f64::NAN;
+        let refusal = validate(&header, LEN).unwrap_err();
+        let percept = Percept::refusing(&header, &refusal);
+        assert_eq!(percept.position_m, [0.0; 3]);
+        assert_eq!(from_field(&percept.explanation), "position_m is not finite");
+
+        let percept = Percept::refusing(&header, &Refusal::DimsNotOfModel { dims: DIMS, model: [30, 31, 32] });
+        assert_eq!(percept.detail, 30 | 31 << 16 | 32 << 32);
+    }
+
+    #[test]
+    fn every_explanation_fits_its_field() {
+        let long = [
+            Refusal::BadDims { dims: [u32::MAX; 3], payload_len: usize::MAX },
+            Refusal::WrongLength { dims: [256; 3], payload_len: usize::MAX },
+            Refusal::DimsNotOfModel { dims: [256; 3], model: [256; 3] },
+            Refusal::BadVoxel { index: usize::MAX, value: 254 },
+            Refusal::UnknownCode { field: "completion_frame", code: u32::MAX },
+            Refusal::NotUnit(f64::MIN_POSITIVE.sqrt()),
+            Refusal::BadVoxelSize(-f32::from_bits(1)),
+            Refusal::BadVoxelSize(f32::MIN),
+        ];
+        for refusal in long {
+            let text = refusal.to_string();
+            assert_eq!(from_field(&to_field::<{ crate::limits::EXPLANATION_LEN }>(&text)), text);
+        }
+    }
+}
