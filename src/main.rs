@@ -1,1 +1,5 @@
-fn main() {}
+//! The program `beo`.
+
+fn main() -> std::process::ExitCode {
+    beo::cli::run()
+}

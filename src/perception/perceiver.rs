@@ -75,6 +75,11 @@ impl Perceiver {
         &self.model
     }
 
+    /// The mean of a class at one voxel, as learned: not clamped to \[0, 1\].
+    pub fn class_mean(&self, class: usize, voxel: usize) -> f32 {
+        self.subspaces[class].mean(voxel)
+    }
+
     /// Scratch memory for queries.
     pub fn workspace(&self) -> Workspace {
         let (dims, m) = (self.model.dims(), self.model.classes.len());

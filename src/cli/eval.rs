@@ -1,0 +1,146 @@
+//! `beo eval`: the paper's protocol.
+
+use super::failure::{Failure, cannot_write};
+use super::progress;
+use super::shapes::{self, MeshArguments, ViewArgument};
+use crate::evaluation::{Evaluation, evaluate, sample, table};
+use crate::model::load;
+use crate::perception::{Method, Perceiver, Projection, Query};
+use crate::shapes::library::LoadOptions;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Measure a model by the paper's protocol: one view of every object, pose known
+#[derive(Args)]
+pub struct Eval {
+    /// Folder of shapes, DIR/<class>/<split>/*
+    dir: PathBuf,
+    /// Model file
+    #[arg(long)]
+    model: PathBuf,
+    /// Split to answer; never one that the model was trained on
+    #[arg(long)]
+    split: String,
+    /// What is known of the pose
+    #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
+    pose: PoseArgument,
+    /// Methods, separated by commas: auto, hull, evidence, paper, mean
+    #[arg(long, value_delimiter = ',', default_value = "auto")]
+    method: Vec<Method>,
+    /// How the paper's method projects
+    #[arg(long, value_enum, default_value_t = ProjectionArgument::Lasso)]
+    projection: ProjectionArgument,
+    /// Prior over the classes
+    #[arg(long, value_enum, default_value_t = PriorArgument::Uniform)]
+    prior: PriorArgument,
+    /// View of the objects
+    #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
+    view: ViewArgument,
+    /// Answer a sample of this many, classes in proportion
+    #[arg(long, value_name = "N")]
+    limit: Option<usize>,
+    /// Seed of the sample
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Write the outcome as JSON: one object, or a list when several methods are given
+    #[arg(long, value_name = "OUT")]
+    json: Option<PathBuf>,
+    #[command(flatten)]
+    mesh: MeshArguments,
+}
+
+/// What is known of the pose.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum PoseArgument {
+    /// Objects stand as the training shapes do
+    Known,
+}
+
+/// Prior over the classes.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum PriorArgument {
+    /// All classes alike
+    Uniform,
+    /// In proportion to the training objects
+    Training,
+}
+
+/// How the paper's method projects.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum ProjectionArgument {
+    /// Lasso with λ = 1e-5 (eq. 18)
+    Lasso,
+    /// Ridge of 1e-2
+    Ridge,
+}
+
+impl ProjectionArgument {
+    /// The projection with its strength.
+    pub fn projection(self) -> Projection {
+        match self {
+            ProjectionArgument::Lasso => Projection::default(),
+            ProjectionArgument::Ridge => Projection::Ridge(1e-2),
+        }
+    }
+}
+
+impl PriorArgument {
+    /// log P(s) for a model, up to a constant.
+    pub fn log_prior(self, perceiver: &Perceiver) -> Vec<f64> {
+        match self {
+            PriorArgument::Uniform => Vec::new(),
+            PriorArgument::Training => perceiver.model().metadata.classes.iter().map(|c| (c.shapes as f64).ln()).collect(),
+        }
+    }
+}
+
+impl Eval {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        let Some(view) = self.view.view() else {
+            return Err(Failure::Usage("--view none: evaluation needs complete shapes; use --view top".into()));
+        };
+        let model = Arc::new(load(&self.model)?);
+        if model.metadata.settings.splits.contains(&self.split) {
+            eprintln!("warning: the model was trained on split `{}`: these figures say nothing about new objects", self.split);
+        }
+        let read = self.mesh.read_options(model.dims())?;
+        let shapes = shapes::load(&self.dir, std::slice::from_ref(&self.split), &LoadOptions { read, skip_duplicates: false, minimum: 0 })?;
+        let names: Vec<&str> = model.class_names().collect();
+        let classes = shapes
+            .classes
+            .iter()
+            .map(|class| {
+                names
+                    .iter()
+                    .position(|n| n == class)
+                    .ok_or_else(|| Failure::Failed(format!("class `{class}` is not in the model, which knows {}", names.join(", "))))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let chosen = sample(&shapes, self.limit, self.seed);
+        let perceiver = Perceiver::new(model.clone())?;
+        let mut evaluations: Vec<Evaluation> = Vec::new();
+        for method in &self.method {
+            let query = Query {
+                method: *method,
+                log_prior: self.prior.log_prior(&perceiver),
+                projection: self.projection.projection(),
+                ..Query::default()
+            };
+            let bar = progress::bar(chosen.len(), "answering");
+            let evaluation = evaluate(&perceiver, &chosen, &classes, &query, view, |_, _, _| bar.inc(1));
+            bar.finish_and_clear();
+            evaluations.push(evaluation?);
+        }
+        print!("{}", table(&evaluations));
+        if let Some(path) = &self.json {
+            let text = match evaluations.as_slice() {
+                [one] => serde_json::to_string_pretty(one)?,
+                several => serde_json::to_string_pretty(several)?,
+            };
+            std::fs::write(path, text + "\n").map_err(cannot_write(path))?;
+        }
+        Ok(())
+    }
+}

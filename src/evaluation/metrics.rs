@@ -1,0 +1,71 @@
+//! Figures of merit. Accuracies are fractions.
+
+use serde::Serialize;
+
+/// How far posteriors can be believed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CalibrationFigures {
+    /// Expected calibration error of the top label, 15 bins of equal width.
+    pub ece: f64,
+    /// Mean squared distance between the posterior and the one-hot truth, summed over classes.
+    pub brier: f64,
+    /// Mean negative log posterior of the truth, in nats.
+    pub log_loss: f64,
+}
+
+/// Calibration of posteriors (one row per query) against the true classes.
+pub fn calibration(posteriors: &[Vec<f64>], truth: &[usize]) -> CalibrationFigures {
+    const BINS: usize = 15;
+    let n = posteriors.len().max(1) as f64;
+    let mut bins = [(0.0, 0.0); BINS]; // summed confidence, right answers
+    let (mut brier, mut log_loss) = (0.0, 0.0);
+    for (posterior, &truth) in posteriors.iter().zip(truth) {
+        let top = (0..posterior.len()).max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]).then(b.cmp(a))).unwrap_or(0);
+        let bin = &mut bins[((posterior[top] * BINS as f64) as usize).min(BINS - 1)];
+        bin.0 += posterior[top];
+        bin.1 += f64::from(u8::from(top == truth));
+        let one_hot = |s: usize| f64::from(u8::from(s == truth));
+        brier += posterior.iter().enumerate().map(|(s, p)| (p - one_hot(s)).powi(2)).sum::<f64>();
+        log_loss -= posterior[truth].max(1e-12).ln();
+    }
+    let ece = bins.iter().map(|(confidence, right)| (confidence - right).abs()).sum::<f64>() / n;
+    CalibrationFigures { ece, brier: brier / n, log_loss: log_loss / n }
+}
+
+/// Percentile of values by linear interpolation (`numpy.percentile`); 0 without values.
+pub fn percentile(values: &[f64], percent: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let position = percent / 100.0 * last as f64;
+    let (low, high) = (position.floor() as usize, position.ceil() as usize);
+    sorted[low] + (sorted[high] - sorted[low]) * (position - low as f64)
+}
+
+/// Intersection over union of two binary sets given as counts; two empty sets agree.
+pub fn iou(both: usize, either: usize) -> f64 {
+    if either == 0 { 1.0 } else { both as f64 / either as f64 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn calibration_is_that_of_a_hand_computation() {
+        // Two sure and right, one of 0.6 and wrong, one of 0.6 and right.
+        let posteriors = vec![vec![1.0, 0.0], vec![0.0, 1.0], vec![0.6, 0.4], vec![0.4, 0.6]];
+        let figures = calibration(&posteriors, &[0, 1, 1, 1]);
+        assert!((figures.ece - 0.2 / 4.0).abs() < 1e-12, "{figures:?}");
+        assert!((figures.brier - (0.72 + 0.32) / 4.0).abs() < 1e-12);
+        assert!((figures.log_loss + (0.4_f64.ln() + 0.6_f64.ln()) / 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn percentiles_are_those_of_numpy() {
+        let values = [4.0, 1.0, 3.0, 2.0];
+        assert_eq!(percentile(&values, 50.0), 2.5);
+        assert!((percentile(&values, 90.0) - 3.7).abs() < 1e-12);
+        assert_eq!(percentile(&[], 50.0), 0.0);
+    }
+}

@@ -1,0 +1,8 @@
+//! The paper's evaluation: protocol, figures of merit, tables and plots.
+
+pub mod metrics;
+pub mod protocol;
+mod table;
+
+pub use protocol::{Evaluation, evaluate, sample};
+pub use table::table;

@@ -1,0 +1,237 @@
+//! The paper's protocol, section IV-A: one query per object, seen from one view, in known pose.
+
+use super::metrics::{self, CalibrationFigures, iou};
+use crate::grid::{Observation, Occupancy, View};
+use crate::perception::{Method, PerceiveError, Perceiver, Percept, Query};
+use crate::shapes::library::{Shape, Shapes};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// Class, truth and posterior of one query.
+#[derive(Clone, Debug, Serialize)]
+pub struct Prediction {
+    /// Path relative to the folder of shapes.
+    pub file: String,
+    /// True class.
+    pub truth: String,
+    /// Most probable class.
+    pub class: String,
+    /// Posterior of every class.
+    pub posterior: BTreeMap<String, f64>,
+}
+
+/// Queries and accuracy of one class.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct ClassFigures {
+    /// Number of queries.
+    pub queries: usize,
+    /// Share answered rightly.
+    pub accuracy: f64,
+}
+
+/// Means over the queries of how well the hidden part is predicted.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct CompletionFigures {
+    /// Intersection over union over the unknown voxels.
+    pub iou_unknown: f64,
+    /// The same over all voxels, observed ones as observed.
+    pub iou_all: f64,
+    /// `iou_unknown` of the mean of the predicted class.
+    pub iou_unknown_mean_baseline: f64,
+    /// `iou_all` of the mean of the predicted class.
+    pub iou_all_mean_baseline: f64,
+    /// Euclidean distance to the truth over all voxels.
+    pub l2: f64,
+}
+
+/// Percentiles of the time of one query in milliseconds: one at a time, reading excluded, completion included.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Milliseconds {
+    /// Median.
+    pub p50: f64,
+    /// 90th percentile.
+    pub p90: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// The outcome of one method on all queries.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// How the pose was treated.
+    pub pose: &'static str,
+    /// The method.
+    pub method: Method,
+    /// Number of queries.
+    pub queries: usize,
+    /// Share answered rightly.
+    pub accuracy: f64,
+    /// By true class.
+    pub per_class: BTreeMap<String, ClassFigures>,
+    /// Counts by true class, then answer.
+    pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
+    /// Completion.
+    pub completion: CompletionFigures,
+    /// Not estimated in known pose.
+    pub pose_error_deg: Option<f64>,
+    /// Calibration of the posteriors.
+    pub calibration: CalibrationFigures,
+    /// Times.
+    pub query_ms: Milliseconds,
+    /// Every query, in path order.
+    pub predictions: Vec<Prediction>,
+    /// Euclidean completion error and time of each query, for the figures.
+    #[serde(skip)]
+    pub per_query: Vec<QueryFigures>,
+}
+
+/// What the figures show of one query.
+#[derive(Clone, Copy, Debug)]
+pub struct QueryFigures {
+    /// Index of the true class.
+    pub truth: usize,
+    /// Whether the answer was right.
+    pub right: bool,
+    /// Euclidean completion error.
+    pub l2: f64,
+    /// Milliseconds.
+    pub ms: f64,
+}
+
+/// A seeded sample of `limit` shapes with classes in proportion, in path order.
+pub fn sample(shapes: &Shapes, limit: Option<usize>, seed: u64) -> Vec<&Shape> {
+    let all: Vec<&Shape> = shapes.shapes.iter().collect();
+    let Some(limit) = limit.filter(|limit| *limit < all.len()) else { return all };
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // Every shape gets the rank of its place within its shuffled class, as a share: the lowest shares are the sample.
+    let mut ranked: Vec<(f64, usize)> = Vec::new();
+    for class in 0..shapes.classes.len() {
+        let mut members: Vec<usize> = (0..all.len()).filter(|i| all[*i].class == class).collect();
+        members.shuffle(&mut rng);
+        let count = members.len() as f64;
+        ranked.extend(members.into_iter().enumerate().map(|(place, i)| ((place as f64 + 0.5) / count, i)));
+    }
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut chosen: Vec<usize> = ranked[..limit].iter().map(|(_, i)| *i).collect();
+    chosen.sort_unstable();
+    chosen.into_iter().map(|i| all[i]).collect()
+}
+
+/// Answers all `shapes` with one method. `classes` maps a shape's class to the model's. `seen` is called after each query with
+/// its truth, observation and percept.
+pub fn evaluate(
+    perceiver: &Perceiver,
+    shapes: &[&Shape],
+    classes: &[usize],
+    query: &Query,
+    view: View,
+    mut seen: impl FnMut(&Shape, &Observation, &Percept),
+) -> Result<Evaluation, PerceiveError> {
+    let names: Vec<String> = perceiver.model().class_names().map(str::to_owned).collect();
+    let mut work = perceiver.workspace();
+    let mut percept = Percept::default();
+    let (mut posteriors, mut truths, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut predictions, mut per_query) = (Vec::new(), Vec::new());
+    let mut sums = CompletionFigures::default();
+    let query = Query { view: Some(view), completion: true, ..query.clone() };
+    // One unmeasured query first, so that no time includes the first touch of the model.
+    if let Some(shape) = shapes.first() {
+        let observation = view.of(&shape.object);
+        perceiver.classify(&observation, &query, &mut work, &mut percept)?;
+        perceiver.complete(&observation, &query, &mut work, &mut percept)?;
+    }
+    for shape in shapes {
+        let truth = classes[shape.class];
+        let observation = view.of(&shape.object);
+        let start = Instant::now();
+        perceiver.classify(&observation, &query, &mut work, &mut percept)?;
+        perceiver.complete(&observation, &query, &mut work, &mut percept)?;
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let figures = completion_figures(&shape.object, &observation, &percept, |v| perceiver.class_mean(percept.class, v));
+        sums.iou_unknown += figures.iou_unknown;
+        sums.iou_all += figures.iou_all;
+        sums.iou_unknown_mean_baseline += figures.iou_unknown_mean_baseline;
+        sums.iou_all_mean_baseline += figures.iou_all_mean_baseline;
+        sums.l2 += figures.l2;
+        per_query.push(QueryFigures { truth, right: percept.class == truth, l2: figures.l2, ms });
+        predictions.push(Prediction {
+            file: shape.file.clone(),
+            truth: names[truth].clone(),
+            class: names[percept.class].clone(),
+            posterior: names.iter().cloned().zip(percept.posterior.iter().copied()).collect(),
+        });
+        posteriors.push(percept.posterior.clone());
+        truths.push(truth);
+        times.push(ms);
+        seen(shape, &observation, &percept);
+    }
+    let n = shapes.len().max(1) as f64;
+    let mut per_class = BTreeMap::new();
+    let mut confusion: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
+    for (s, name) in names.iter().enumerate() {
+        let of_class: Vec<&QueryFigures> = per_query.iter().filter(|q| q.truth == s).collect();
+        if !of_class.is_empty() {
+            let right = of_class.iter().filter(|q| q.right).count() as f64;
+            per_class.insert(name.clone(), ClassFigures { queries: of_class.len(), accuracy: right / of_class.len() as f64 });
+        }
+    }
+    for prediction in &predictions {
+        *confusion.entry(prediction.truth.clone()).or_default().entry(prediction.class.clone()).or_default() += 1;
+    }
+    Ok(Evaluation {
+        pose: "known",
+        method: query.method,
+        queries: shapes.len(),
+        accuracy: per_query.iter().filter(|q| q.right).count() as f64 / n,
+        per_class,
+        confusion,
+        completion: CompletionFigures {
+            iou_unknown: sums.iou_unknown / n,
+            iou_all: sums.iou_all / n,
+            iou_unknown_mean_baseline: sums.iou_unknown_mean_baseline / n,
+            iou_all_mean_baseline: sums.iou_all_mean_baseline / n,
+            l2: sums.l2 / n,
+        },
+        pose_error_deg: None,
+        calibration: metrics::calibration(&posteriors, &truths),
+        query_ms: Milliseconds {
+            p50: metrics::percentile(&times, 50.0),
+            p90: metrics::percentile(&times, 90.0),
+            p99: metrics::percentile(&times, 99.0),
+        },
+        predictions,
+        per_query,
+    })
+}
+
+/// Compares one completion with the truth; `mean` is the baseline's value of a voxel.
+pub fn completion_figures(
+    truth: &Occupancy,
+    observation: &Observation,
+    percept: &Percept,
+    mean: impl Fn(usize) -> f32,
+) -> CompletionFigures {
+    let (mut l2, mut unknown, mut baseline) = (0.0, (0, 0), (0, 0));
+    for (voxel, &p) in percept.occupancy.iter().enumerate() {
+        let filled = truth.bits().contains(voxel);
+        l2 += (f64::from(p) - f64::from(u8::from(filled))).powi(2);
+        if !observation.known().contains(voxel) {
+            for (counts, predicted) in [(&mut unknown, p >= 0.5), (&mut baseline, mean(voxel) >= 0.5)] {
+                counts.0 += usize::from(filled && predicted);
+                counts.1 += usize::from(filled || predicted);
+            }
+        }
+    }
+    let observed = observation.filled().count_ones(..);
+    CompletionFigures {
+        iou_unknown: iou(unknown.0, unknown.1),
+        iou_all: iou(unknown.0 + observed, unknown.1 + observed),
+        iou_unknown_mean_baseline: iou(baseline.0, baseline.1),
+        iou_all_mean_baseline: iou(baseline.0 + observed, baseline.1 + observed),
+        l2: l2.sqrt(),
+    }
+}

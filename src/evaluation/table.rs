@@ -1,0 +1,80 @@
+//! Table I's layout: accuracy by class, methods side by side, beside the paper's rows.
+
+use super::Evaluation;
+use std::fmt::Write;
+
+/// The paper's Table I, known pose, in percent: BEO, its baseline and 3DShapeNets, classes in alphabetical order, then total.
+const PAPER: [(&str, [f64; 11]); 3] = [
+    ("paper: BEO", [48.0, 95.0, 93.0, 46.5, 64.0, 91.0, 55.8, 92.0, 75.0, 80.0, 76.3]),
+    ("paper: baseline", [70.0, 94.0, 0.0, 17.4, 67.4, 78.0, 75.6, 88.0, 0.0, 82.0, 56.7]),
+    ("paper: 3DShapeNets", [76.0, 77.0, 38.0, 22.1, 90.7, 74.0, 38.4, 57.0, 1.0, 79.0, 54.4]),
+];
+const MODELNET10: [&str; 10] = ["bathtub", "bed", "chair", "desk", "dresser", "monitor", "night_stand", "sofa", "table", "toilet"];
+
+/// Accuracies in percent by class and in total, one row per evaluation; with ModelNet10's classes also the paper's rows.
+pub fn table(evaluations: &[Evaluation]) -> String {
+    let Some(first) = evaluations.first() else { return String::new() };
+    let classes: Vec<&String> = first.per_class.keys().collect();
+    let width = |class: &str| class.len().max(6);
+    let mut text = format!("{:<19}", "accuracy (%)");
+    for class in &classes {
+        let _ = write!(text, " {class:>width$}", width = width(class));
+    }
+    text.push_str("  total\n");
+    for evaluation in evaluations {
+        let _ = write!(text, "{:<19}", evaluation.method.name());
+        for class in &classes {
+            let accuracy = evaluation.per_class.get(*class).map_or(f64::NAN, |c| 100.0 * c.accuracy);
+            let _ = write!(text, " {accuracy:>width$.1}", width = width(class));
+        }
+        let _ = writeln!(text, " {:>6.1}", 100.0 * evaluation.accuracy);
+    }
+    if classes.iter().map(|c| c.as_str()).eq(MODELNET10) {
+        for (name, values) in PAPER {
+            let _ = write!(text, "{name:<19}");
+            for (class, value) in classes.iter().zip(values) {
+                let _ = write!(text, " {value:>width$.1}", width = width(class));
+            }
+            let _ = writeln!(text, " {:>6.1}", values[10]);
+        }
+    }
+    text.push('\n');
+    let _ = writeln!(
+        text,
+        "{:<10} {:>7} {:>8} {:>6} {:>7} {:>9}  {:>11} {:>8} {:>13} {:>10} {:>6}  {:>8} {:>8}",
+        "method",
+        "queries",
+        "accuracy",
+        "ECE",
+        "Brier",
+        "log loss",
+        "IoU unknown",
+        "IoU all",
+        "mean: unknown",
+        "mean: all",
+        "l2",
+        "p50 ms",
+        "p99 ms"
+    );
+    for e in evaluations {
+        let (c, q) = (&e.completion, &e.calibration);
+        let _ = writeln!(
+            text,
+            "{:<10} {:>7} {:>8.3} {:>6.3} {:>7.3} {:>9.3}  {:>11.3} {:>8.3} {:>13.3} {:>10.3} {:>6.1}  {:>8.2} {:>8.2}",
+            e.method.name(),
+            e.queries,
+            e.accuracy,
+            q.ece,
+            q.brier,
+            q.log_loss,
+            c.iou_unknown,
+            c.iou_all,
+            c.iou_unknown_mean_baseline,
+            c.iou_all_mean_baseline,
+            c.l2,
+            e.query_ms.p50,
+            e.query_ms.p99
+        );
+    }
+    text
+}
