@@ -1,13 +1,7 @@
 //! Voxels as a shaded isometric picture: seen from above, three faces of each voxel with their own light.
 //!
-//! The camera looks at the corner of −x, −y and +z: x runs to the upper left … lower right as below, z up.
-//!
-//! ```text
-//!        z
-//!        |
-//!       / \
-//!      y   x      faces shown: top (+z), left (−x), right (−y)
-//! ```
+//! The camera stands at −x, −y and above: x runs to the right and back, y to the left and back, z up. So the faces shown are the
+//! top (+z), on the left that towards −x, on the right that towards −y, the front of ModelNet's chairs and beds.
 
 use super::{Colour, Image};
 use crate::grid::Dims;
@@ -18,6 +12,8 @@ const LIGHT: [f32; 3] = [1.12, 0.70, 0.90];
 const EDGE: f32 = 0.80;
 /// Samples per pixel along each axis.
 const SAMPLES: usize = 3;
+/// How much larger than the whole grid is drawn: shapes take four fifths of it.
+const ZOOM: f64 = 1.22;
 /// Sine of the elevation: 30° looks down on the top at half its depth.
 const TILT: f64 = 0.5;
 
@@ -25,7 +21,8 @@ const TILT: f64 = 0.5;
 /// voxels let through what is behind them; of a translucent body only its outer faces are drawn.
 pub fn draw_voxels(dims: Dims, width: usize, height: usize, colour: impl Fn(usize) -> Option<Colour>) -> Image {
     let colours: Vec<Option<Colour>> = (0..dims.voxels()).map(|v| colour(v).filter(|c| c.opacity > 0.0)).collect();
-    let view = Projection::fit(dims, width * SAMPLES, height * SAMPLES);
+    let mut view = Projection::fit(dims, width * SAMPLES, height * SAMPLES);
+    view.zoom(dims, (0..dims.voxels()).filter(|v| colours[*v].is_some()));
     let mut layer = Layer::new(view.width, view.height);
     let at = |i: usize, j: usize, k: usize| colours[dims.index(i, j, k)];
     // Neighbours towards the camera; what lies beyond the grid is open.
@@ -74,6 +71,27 @@ impl Projection {
         let left = (width as f64 - scale * wide) / 2.0 + scale * half * ny;
         let bottom = (height as f64 + scale * tall) / 2.0;
         Self { scale, origin: (left, bottom), width, height }
+    }
+
+    /// Grids are mostly padded: enlarges about the middle by `ZOOM`, less where what is drawn would not fit.
+    fn zoom(&mut self, dims: Dims, drawn: impl Iterator<Item = usize>) {
+        let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
+        for voxel in drawn.map(|v| dims.coordinates(v).map(|n| n as f64)) {
+            low = [0, 1, 2].map(|a| low[a].min(voxel[a]));
+            high = [0, 1, 2].map(|a| high[a].max(voxel[a] + 1.0));
+        }
+        if low[0] > high[0] {
+            return;
+        }
+        let middle = (self.width as f64 / 2.0, self.height as f64 / 2.0);
+        let reach = (0..8).map(|c: usize| {
+            let corner = [0, 1, 2].map(|a| if c >> a & 1 == 0 { low[a] } else { high[a] });
+            let (x, y) = self.point(corner[0], corner[1], corner[2]);
+            ((x - middle.0) / middle.0).abs().max(((y - middle.1) / middle.1).abs())
+        });
+        let zoom = (0.98 / reach.fold(0.0, f64::max)).clamp(1.0, ZOOM);
+        self.scale *= zoom;
+        self.origin = (middle.0 + zoom * (self.origin.0 - middle.0), middle.1 + zoom * (self.origin.1 - middle.1));
     }
 
     fn point(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
@@ -163,5 +181,52 @@ impl Layer {
             }
         }
         image
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn object_with(voxels: &[([usize; 3], Colour)]) -> Image {
+        let dims = Dims::cube(8).unwrap();
+        draw_voxels(dims, 160, 160, |v| voxels.iter().find(|(at, _)| dims.coordinates(v) == *at).map(|(_, colour)| *colour))
+    }
+
+    fn has(image: &Image, rgb: [u8; 3]) -> bool {
+        (0..image.height()).any(|y| (0..image.width()).any(|x| image.pixel(x, y) == rgb))
+    }
+
+    #[test]
+    fn the_near_voxel_hides_the_far_one() {
+        let (red, blue) = (Colour::rgb(100, 0, 0), Colour::rgb(0, 0, 100));
+        let top = |c: Colour| c.shaded(LIGHT[0]).rgb;
+        // (7, 7, 0) lies behind (0, 0, ·) by seven voxels each; the line of sight falls by 7·√2·tan 30° ≈ 5.7.
+        let hidden = object_with(&[([7, 7, 0], red), ([0, 0, 5], blue), ([0, 0, 6], blue), ([0, 0, 4], blue), ([0, 0, 7], blue)]);
+        assert!(has(&hidden, top(blue)) && !has(&hidden, top(red)));
+        let seen = object_with(&[([7, 7, 7], red), ([0, 0, 0], blue)]);
+        assert!(has(&seen, top(blue)) && has(&seen, top(red)));
+    }
+
+    #[test]
+    fn axes_point_where_the_documentation_says() {
+        let view = Projection::fit(Dims::cube(8).unwrap(), 160, 160);
+        let (o, x, y, z) = (view.point(0.0, 0.0, 0.0), view.point(1.0, 0.0, 0.0), view.point(0.0, 1.0, 0.0), view.point(0.0, 0.0, 1.0));
+        assert!(x.0 > o.0 && x.1 < o.1 && y.0 < o.0 && y.1 < o.1 && z.1 < o.1);
+    }
+
+    #[test]
+    fn translucent_voxels_let_through_what_is_behind() {
+        let ghost = Colour::rgb(0, 0, 100).with_opacity(0.3);
+        let both = object_with(&[([4, 4, 4], Colour::rgb(100, 0, 0)), ([4, 4, 5], ghost)]);
+        // The solid's top is seen through a side of the one above it.
+        let top = Colour::rgb(100, 0, 0).shaded(LIGHT[0]);
+        let through = |light: f32| top.mix(Colour { opacity: 1.0, ..ghost.shaded(light) }, 0.3).rgb;
+        assert!(has(&both, through(LIGHT[1])) && has(&both, through(LIGHT[2])) && !has(&both, top.rgb));
+    }
+
+    #[test]
+    fn nothing_drawn_is_paper() {
+        assert_eq!(object_with(&[]), Image::new(160, 160));
     }
 }

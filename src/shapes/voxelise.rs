@@ -7,10 +7,12 @@ use super::Mesh;
 use crate::grid::{Dims, Occupancy};
 use nalgebra::{Point3, Vector3};
 
-/// Voxels that the longest side of a shape takes on a grid: four fifths of the smallest side, as in 3DShapeNets (24 of 30).
+/// Voxels that the longest side of a shape takes on a grid: four fifths of the smallest side, as in 3DShapeNets (24 of 30), rounded
+/// to an odd number where that side is odd and to an even one otherwise, so that the shape's ends fall on borders of voxels.
 pub fn longest_side(dims: Dims) -> usize {
     let smallest = dims.x().min(dims.y()).min(dims.z());
-    (smallest * 4 + 2) / 5
+    let odd = smallest % 2;
+    (4 * smallest + 5 - 5 * odd) / 10 * 2 + odd
 }
 
 /// Voxelises a mesh (z up): its bounding box is centred on the grid's centre and scaled so that the longest side takes
@@ -250,7 +252,7 @@ mod tests {
     #[test]
     fn the_default_leaves_a_tenth_on_either_side() {
         let side = |n| longest_side(Dims::cube(n).unwrap());
-        assert_eq!([8, 30, 32, 64, 254].map(side), [6, 24, 26, 51, 203]);
+        assert_eq!([8, 9, 30, 31, 32, 64, 254].map(side), [6, 7, 24, 25, 26, 52, 204]);
         assert_eq!(longest_side(Dims::new(100, 30, 50).unwrap()), 24);
     }
 
