@@ -7,4 +7,5 @@ pub mod learning;
 pub mod linear;
 pub mod model;
 pub mod perception;
+pub mod picture;
 pub mod shapes;

@@ -1,5 +1,7 @@
 //! All the `unsafe` of this crate: the borders between shared memory and Rust's rules.
 
+#![allow(unsafe_code)]
+
 use std::mem::MaybeUninit;
 
 use iceoryx2::prelude::ZeroCopySend;

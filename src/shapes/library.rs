@@ -466,4 +466,31 @@ mod tests {
         (0..65).for_each(|n| std::fs::create_dir_all(many.path().join(format!("c{n}/train"))).unwrap());
         assert!(message(many.path(), "train").contains("65 classes, more than the 64"));
     }
+
+    /// The sums can be compared with any other reader's: filled voxels, and their coordinates summed along each axis.
+    #[test]
+    fn modelnet_loads_with_its_known_flaws_named() {
+        let Some(root) = std::env::var_os("BEO_MODELNET10") else {
+            eprintln!("skipped: set BEO_MODELNET10 to a folder <class>/{{train,validation}}/*.binvox of 30³ grids");
+            return;
+        };
+        let library = scan(Path::new(&root), &["train", "validation"]).unwrap();
+        let dims = Dims::cube(30).unwrap();
+        let options = LoadOptions { read: ReadOptions::new(dims), skip_duplicates: false, minimum: 2 };
+        let loaded = load(&library, &options, |_| {}).unwrap();
+        assert_eq!(library.classes, crate::shapes::furniture::CLASSES);
+        assert_eq!(loaded.shapes.len() + loaded.skipped.len(), library.files.len());
+        assert_eq!(loaded.skip_counts().unreadable, 0);
+        let mut sums = [0_usize; 4];
+        for voxel in loaded.shapes.iter().flat_map(|s| s.object.bits().ones()) {
+            let [x, y, z] = dims.coordinates(voxel);
+            sums = [sums[0] + 1, sums[1] + x, sums[2] + y, sums[3] + z];
+        }
+        println!("{} shapes, sums {sums:?}", loaded.shapes.len());
+        let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let again = single.install(|| load(&library, &LoadOptions { skip_duplicates: true, ..options }, |_| {})).unwrap();
+        println!("{:?}, {} shared between classes", again.skip_counts(), again.shared.len());
+        assert_eq!(again.shapes.len() + again.skip_counts().duplicates, loaded.shapes.len());
+        loaded.skipped.iter().for_each(|s| println!("{s}"));
+    }
 }

@@ -6,6 +6,7 @@
 
 mod binvox;
 mod error;
+pub mod furniture;
 pub mod library;
 mod mesh;
 mod npy;

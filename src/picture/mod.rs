@@ -1,0 +1,11 @@
+//! Pictures, as PNG: voxels in isometric view, simple charts, sheets of pictures with captions.
+
+mod canvas;
+mod plot;
+mod scenes;
+mod voxels;
+
+pub use canvas::{Anchor, Colour, Image, SaveError, TextSize, sheet};
+pub use plot::Chart;
+pub use scenes::{draw_completion, draw_observation, draw_shape, draw_weights};
+pub use voxels::draw_voxels;

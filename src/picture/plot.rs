@@ -1,0 +1,289 @@
+//! Simple charts: strips of points by category with their mean, lines, bars.
+
+use super::{Anchor, Colour, Image, TextSize};
+use std::ops::Range;
+
+/// Title and labels of a chart, its size and the range of its axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// Stands above.
+    pub title: String,
+    /// Stands below the horizontal axis.
+    pub x_label: String,
+    /// Stands beside the vertical axis.
+    pub y_label: String,
+    /// Width in pixels, by default 760.
+    pub width: usize,
+    /// Height in pixels, by default 440.
+    pub height: usize,
+    /// Range of the vertical axis; by default from the data, with 0.
+    pub y_range: Option<Range<f64>>,
+}
+
+impl Chart {
+    /// A chart of the default size.
+    pub fn new(title: &str, x_label: &str, y_label: &str) -> Self {
+        let (title, x_label, y_label) = (title.into(), x_label.into(), y_label.into());
+        Self { title, x_label, y_label, width: 760, height: 440, y_range: None }
+    }
+
+    /// One strip of points per category with a bar at its mean (as in the paper's Fig. 3); values that are not finite are left out.
+    pub fn strips(&self, categories: &[(String, Vec<f64>)]) -> Image {
+        let values = categories.iter().flat_map(|(_, values)| values.iter().copied());
+        let mut frame = Frame::new(self, self.y_axis(values), Horizontal::Categories(categories.iter().map(|(n, _)| n.as_str()).collect()));
+        for (c, (_, values)) in categories.iter().enumerate() {
+            let values: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+            let colour = Colour::SERIES[c % Colour::SERIES.len()];
+            let (middle, step) = frame.category(c, categories.len());
+            for (n, value) in values.iter().enumerate() {
+                // Spread by the golden ratio: even, and the same every time.
+                let spread = (n as f64 * 0.618_033_988_75).fract() - 0.5;
+                frame.image.disc((middle + spread * step * 0.6) as i32, frame.y(*value), 5, colour.with_opacity(0.45));
+            }
+            if !values.is_empty() {
+                let y = frame.y(values.iter().sum::<f64>() / values.len() as f64);
+                let half = step * 0.36;
+                frame.image.line(((middle - half) as i32, y), ((middle + half) as i32, y), 3, Colour::INK);
+            }
+        }
+        frame.image
+    }
+
+    /// One bar per category and series, side by side, with the value above; `series` gives each a name and one value per category.
+    pub fn bars(&self, categories: &[String], series: &[(String, Vec<f64>)]) -> Image {
+        let values = series.iter().flat_map(|(_, values)| values.iter().copied());
+        let names = categories.iter().map(String::as_str).collect();
+        let mut frame = Frame::new(self, self.y_axis(values), Horizontal::Categories(names));
+        let zero = frame.y(frame.y_axis.start.max(0.0).min(frame.y_axis.end));
+        for (s, (_, values)) in series.iter().enumerate() {
+            for (c, value) in values.iter().enumerate().filter(|(_, v)| v.is_finite()).take(categories.len()) {
+                let (middle, step) = frame.category(c, categories.len());
+                let width = step * 0.8 / series.len() as f64;
+                let (left, y) = (middle + (s as f64 - series.len() as f64 / 2.0) * width, frame.y(*value));
+                let colour = Colour::SERIES[s % Colour::SERIES.len()];
+                frame.image.rectangle(
+                    left as i32 + 1,
+                    y.min(zero),
+                    (width as u32).saturating_sub(1).max(1),
+                    y.abs_diff(zero).max(1),
+                    colour,
+                );
+                let text = format!("{value:.2}");
+                if TextSize::Small.width(&text) as f64 <= width {
+                    frame.image.text(&text, (left + width / 2.0) as i32, y.min(zero) - 8, TextSize::Small, Anchor::Centre, Colour::INK);
+                }
+            }
+        }
+        frame.legend(series.iter().map(|(name, _)| name.as_str()));
+        frame.image
+    }
+
+    /// One line per series through its points (x, y).
+    pub fn lines(&self, series: &[(String, Vec<(f64, f64)>)]) -> Image {
+        let points = || series.iter().flat_map(|(_, points)| points.iter());
+        let x_axis = range_of(points().map(|p| p.0), false);
+        let mut frame = Frame::new(self, self.y_axis(points().map(|p| p.1)), Horizontal::Numbers(x_axis));
+        for (s, (_, points)) in series.iter().enumerate() {
+            let finite = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
+            let places: Vec<_> = points.iter().filter(finite).map(|p| (frame.x(p.0), frame.y(p.1))).collect();
+            for pair in places.windows(2) {
+                frame.image.line(pair[0], pair[1], 2, Colour::SERIES[s % Colour::SERIES.len()]);
+            }
+        }
+        frame.legend(series.iter().map(|(name, _)| name.as_str()));
+        frame.image
+    }
+
+    /// The share of values up to each value (cumulative distribution), one line per series.
+    pub fn cumulative(&self, series: &[(String, Vec<f64>)]) -> Image {
+        let steps = |values: &Vec<f64>| {
+            let mut values: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+            values.sort_by(f64::total_cmp);
+            let n = values.len() as f64;
+            let step = |(i, v): (usize, f64)| [(v, i as f64 / n), (v, (i + 1) as f64 / n)];
+            values.into_iter().enumerate().flat_map(step).collect()
+        };
+        let series: Vec<_> = series.iter().map(|(name, values)| (name.clone(), steps(values))).collect();
+        Self { y_range: Some(0.0..1.0), ..self.clone() }.lines(&series)
+    }
+
+    fn y_axis(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
+        self.y_range.clone().unwrap_or_else(|| range_of(values, true))
+    }
+}
+
+/// The range of the finite values, widened where it is empty, ended at ticks.
+fn range_of(values: impl Iterator<Item = f64>, with_zero: bool) -> Range<f64> {
+    let start = if with_zero { (0.0, 0.0) } else { (f64::INFINITY, f64::NEG_INFINITY) };
+    let (low, high) = values.filter(|v| v.is_finite()).fold(start, |(low, high), v| (low.min(v), high.max(v)));
+    if low > high {
+        return 0.0..1.0;
+    }
+    if low == high {
+        return if low == 0.0 { 0.0..1.0 } else { low - low.abs() / 2.0..low + low.abs() / 2.0 };
+    }
+    let step = tick_step(low, high);
+    (low / step).floor() * step..(high / step).ceil() * step
+}
+
+/// A step of 1, 2 or 5 times a power of ten that gives about six ticks.
+fn tick_step(low: f64, high: f64) -> f64 {
+    let rough = (high - low) / 6.0;
+    let power = 10.0_f64.powf(rough.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|s| *s >= rough * 0.999).unwrap_or(10.0 * power)
+}
+
+/// Ticks of an axis with their labels.
+fn ticks(axis: &Range<f64>) -> Vec<(f64, String)> {
+    let step = tick_step(axis.start, axis.end);
+    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+    let first = (axis.start / step - 1e-9).ceil();
+    let tick = |n: i32| (first + f64::from(n)) * step;
+    (0..20)
+        .map(tick)
+        .take_while(|t| *t <= axis.end + step * 1e-9)
+        .map(|t| (t, format!("{:.decimals$}", if t == 0.0 { 0.0 } else { t })))
+        .collect()
+}
+
+enum Horizontal<'a> {
+    Categories(Vec<&'a str>),
+    Numbers(Range<f64>),
+}
+
+/// Axes, ticks and labels, and the places of values.
+struct Frame {
+    image: Image,
+    left: i32,
+    right: i32,
+    top: i32,
+    bottom: i32,
+    x_axis: Range<f64>,
+    y_axis: Range<f64>,
+}
+
+impl Frame {
+    fn new(chart: &Chart, y_axis: Range<f64>, horizontal: Horizontal) -> Self {
+        let mut image = Image::new(chart.width, chart.height);
+        let y_ticks = ticks(&y_axis);
+        let label_width = y_ticks.iter().map(|(_, t)| TextSize::Small.width(t)).max().unwrap_or(0) as i32;
+        let (left, right) = (34 + label_width, chart.width as i32 - 16);
+        let (top, bottom) = (56, chart.height as i32 - 52);
+        let x_axis = if let Horizontal::Numbers(axis) = &horizontal { axis.clone() } else { 0.0..1.0 };
+        image.text(&chart.title, (left + right) / 2, 20, TextSize::Large, Anchor::Centre, Colour::INK);
+        image.text(&chart.x_label, (left + right) / 2, chart.height as i32 - 14, TextSize::Medium, Anchor::Centre, Colour::INK);
+        let mut label = Image::new(TextSize::Medium.width(&chart.y_label) + 2, TextSize::Medium.height() + 2);
+        label.text(&chart.y_label, 1, label.height() as i32 / 2, TextSize::Medium, Anchor::Left, Colour::INK);
+        let turned = label.turned();
+        image.paste(&turned, 6, ((top + bottom) as usize / 2).saturating_sub(turned.height() / 2));
+
+        let mut frame = Self { image, left, right, top, bottom, x_axis, y_axis };
+        for (value, text) in y_ticks {
+            let y = frame.y(value);
+            frame.image.line((left, y), (right, y), 1, Colour::FAINT);
+            frame.image.text(&text, left - 6, y, TextSize::Small, Anchor::Right, Colour::INK);
+        }
+        match horizontal {
+            Horizontal::Numbers(axis) => {
+                for (value, text) in ticks(&axis) {
+                    let x = frame.x(value);
+                    frame.image.line((x, bottom), (x, bottom + 4), 1, Colour::INK);
+                    frame.image.text(&text, x, bottom + 14, TextSize::Small, Anchor::Centre, Colour::INK);
+                }
+            }
+            Horizontal::Categories(names) => {
+                // Names that would run into each other stand on two levels.
+                let step = (right - left) as usize / names.len().max(1);
+                let is_tight = names.iter().any(|n| TextSize::Small.width(n) + 6 > step);
+                for (c, name) in names.iter().enumerate() {
+                    let (x, level) = (frame.category(c, names.len()).0 as i32, if is_tight { c as i32 % 2 * 13 } else { 0 });
+                    frame.image.text(name, x, bottom + 12 + level, TextSize::Small, Anchor::Centre, Colour::INK);
+                }
+            }
+        }
+        frame.image.line((left, bottom), (right, bottom), 1, Colour::INK);
+        frame.image.line((left, top), (left, bottom), 1, Colour::INK);
+        frame
+    }
+
+    /// Middle and width of a category's place.
+    fn category(&self, index: usize, count: usize) -> (f64, f64) {
+        let step = f64::from(self.right - self.left) / count.max(1) as f64;
+        (f64::from(self.left) + (index as f64 + 0.5) * step, step)
+    }
+
+    fn x(&self, value: f64) -> i32 {
+        let share = (value - self.x_axis.start) / (self.x_axis.end - self.x_axis.start);
+        self.left + (share.clamp(0.0, 1.0) * f64::from(self.right - self.left)).round() as i32
+    }
+
+    fn y(&self, value: f64) -> i32 {
+        let share = (value - self.y_axis.start) / (self.y_axis.end - self.y_axis.start);
+        self.bottom - (share.clamp(0.0, 1.0) * f64::from(self.bottom - self.top)).round() as i32
+    }
+
+    /// Names of the series in a line above the plot, at the right; unnamed ones are left out.
+    fn legend<'a>(&mut self, names: impl Iterator<Item = &'a str>) {
+        let names: Vec<_> = names.enumerate().filter(|(_, name)| !name.is_empty()).collect();
+        let (mut x, y) = (self.right, self.top - 14);
+        for (s, name) in names.into_iter().rev() {
+            x -= TextSize::Small.width(name) as i32;
+            self.image.text(name, x, y, TextSize::Small, Anchor::Left, Colour::INK);
+            self.image.rectangle(x - 16, y - 5, 10, 10, Colour::SERIES[s % Colour::SERIES.len()]);
+            x -= 30;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_numbers_over_the_whole_axis() {
+        let labels = |low, high| ticks(&range_of([low, high].into_iter(), false)).into_iter().map(|t| t.1).collect::<Vec<_>>();
+        assert_eq!(labels(0.0, 1.0), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(-3.0, 41.0), ["-10", "0", "10", "20", "30", "40", "50"]);
+        assert_eq!(labels(0.0, 0.0123), ["0.000", "0.005", "0.010", "0.015"]);
+        assert_eq!(range_of([f64::NAN].into_iter(), false), 0.0..1.0);
+        assert_eq!(range_of([4.0].into_iter(), false), 2.0..6.0);
+    }
+
+    #[test]
+    fn values_stand_where_the_axis_says() {
+        let frame = Frame::new(&Chart::new("", "", ""), 0.0..10.0, Horizontal::Numbers(0.0..2.0));
+        assert_eq!((frame.y(0.0), frame.y(10.0), frame.y(5.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
+        assert_eq!((frame.x(0.0), frame.x(2.0), frame.x(9.0)), (frame.left, frame.right, frame.right));
+    }
+
+    #[test]
+    fn odd_data_draw_without_panicking() {
+        let chart = Chart::new("empty", "", "");
+        chart.strips(&[]);
+        chart.strips(&[("a".into(), vec![]), ("b".into(), vec![f64::NAN, f64::INFINITY, 1e300])]);
+        chart.bars(&[], &[]);
+        chart.bars(&["a".into()], &[("s".into(), vec![-1.0, 2.0]), ("t".into(), vec![])]);
+        chart.lines(&[("s".into(), vec![(f64::NAN, 1.0), (1.0, 1.0)])]);
+        chart.cumulative(&[("s".into(), vec![])]);
+        Chart { width: 10, height: 10, ..chart }.bars(&["a".into()], &[("s".into(), vec![1.0])]);
+    }
+
+    #[test]
+    #[ignore = "writes pictures for a person to look at: set BEO_PICTURES to a folder"]
+    fn charts_to_look_at() {
+        let Some(folder) = std::env::var_os("BEO_PICTURES") else { return };
+        let classes = crate::shapes::furniture::CLASSES;
+        let spread = |c: usize| (0..50).map(|n| 12.0 + c as f64 + 9.0 * ((n * n + 7 * c) as f64 * 0.37).sin()).collect::<Vec<_>>();
+        let strips: Vec<_> = classes.iter().enumerate().map(|(c, name)| (name.to_string(), spread(c))).collect();
+        let two: Vec<_> = ["hull", "paper"].iter().enumerate().map(|(s, n)| (n.to_string(), spread(4 * s))).collect();
+        let shares = |s: f64| (0..10).map(|c| 0.7 + 0.03 * (f64::from(c) * s).sin()).collect::<Vec<_>>();
+        let names: Vec<_> = classes.iter().map(|c| c.to_string()).collect();
+        let chart = |title| Chart::new(title, "class", "Euclidean error");
+        let rows = [
+            vec![(chart("Completion error").strips(&strips), String::new())],
+            vec![(Chart::new("Query time", "ms", "share of queries").cumulative(&two), "".into())],
+            vec![(chart("Accuracy").bars(&names, &[("hull".into(), shares(1.0)), ("paper".into(), shares(2.0))]), "".into())],
+        ];
+        crate::picture::sheet(&rows, "Charts").save(&std::path::Path::new(&folder).join("charts.png")).unwrap();
+    }
+}
