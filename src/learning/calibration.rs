@@ -64,6 +64,8 @@ pub struct Fitted {
     pub offsets: Vec<f64>,
     /// Mean negative log posterior of the true class, classes weighted alike.
     pub log_loss: f64,
+    /// Share of objects whose most probable class is the true one, classes weighted alike.
+    pub accuracy: f64,
 }
 
 /// Fits log posterior ∝ Σ_j weight_j score_j + offset by multinomial logistic regression, classes weighted alike (so the
@@ -122,18 +124,15 @@ pub fn fit_blend(scores: &[Vec<Vec<f64>>], labels: &[usize], classes: usize, wit
         let mut weights = vec![0.0; scores.len()];
         used.iter().enumerate().for_each(|(q, s)| weights[*s] = solution[q] / spreads[*s]);
         let offsets = if with_offsets { solution[j..].to_vec() } else { vec![0.0; classes] };
-        let log_loss = labels
-            .iter()
-            .zip(&importance)
-            .enumerate()
-            .map(|(i, (label, weight))| {
-                let mut p: Vec<f64> =
-                    (0..classes).map(|c| offsets[c] + (0..scores.len()).map(|s| weights[s] * centred[s][i][c]).sum::<f64>()).collect();
-                crate::perception::blend::softmax(&mut p);
-                -weight * p[*label].max(1e-300).ln()
-            })
-            .sum();
-        return Ok(Fitted { weights, offsets, log_loss });
+        let (mut log_loss, mut accuracy) = (0.0, 0.0);
+        for (i, (label, weight)) in labels.iter().zip(&importance).enumerate() {
+            let mut p: Vec<f64> =
+                (0..classes).map(|c| offsets[c] + (0..scores.len()).map(|s| weights[s] * centred[s][i][c]).sum::<f64>()).collect();
+            crate::perception::blend::softmax(&mut p);
+            log_loss -= weight * p[*label].max(1e-300).ln();
+            accuracy += if p.iter().all(|other| *other <= p[*label]) { *weight } else { 0.0 };
+        }
+        return Ok(Fitted { weights, offsets, log_loss, accuracy });
     }
 }
 

@@ -100,8 +100,8 @@ pub struct Step {
 }
 
 /// Strengths of the prior, in objects, and degrees of freedom, among which held-out objects choose.
-const STRENGTHS: [f64; 4] = [25.0, 100.0, 400.0, 1600.0];
-const FREEDOMS: [f64; 3] = [60.0, 200.0, 600.0];
+const STRENGTHS: [f64; 4] = [100.0, 300.0, 900.0, 2700.0];
+const FREEDOMS: [f64; 4] = [60.0, 200.0, 600.0, 2000.0];
 /// Factors on the noise variance, among which held-out objects choose.
 const INFLATIONS: [f64; 4] = [1.0, 4.0, 16.0, 64.0];
 /// Held-out objects per model whose evidence is computed; the cheap scores use all.
@@ -464,7 +464,7 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
         })
         .collect::<Result<_, LinearError>>()?;
     for (s, f, fitted) in &fits {
-        tracing::debug!(strength = STRENGTHS[*s], freedom = f, log_loss = fitted.log_loss, "hull density on held-out objects");
+        tracing::debug!(strength = STRENGTHS[*s], freedom = f, log_loss = fitted.log_loss, accuracy = fitted.accuracy, "hull density on held-out objects");
     }
     let (strength, freedom, hull) = fits.into_iter().min_by(|a, b| a.2.log_loss.total_cmp(&b.2.log_loss)).expect("there are candidates");
 
@@ -478,7 +478,7 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
     for (inflation, factor) in INFLATIONS.iter().enumerate() {
         let evidence = of_sample(&|h| h.evidence[inflation].clone());
         let fitted = fit_blend(&[sampled_hull.clone(), evidence.clone()], &labels, classes, true)?;
-        tracing::debug!(inflation = factor, log_loss = fitted.log_loss, "hull density and evidence on held-out objects");
+        tracing::debug!(inflation = factor, log_loss = fitted.log_loss, accuracy = fitted.accuracy, weight = fitted.weights[1] / fitted.weights[0], "hull density and evidence on held-out objects");
         if best.as_ref().is_none_or(|(_, other, _)| fitted.log_loss < other.log_loss) {
             best = Some((inflation, fitted, evidence));
         }
@@ -490,14 +490,6 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
     let voxels: Vec<_> = held_out.iter().flat_map(|h| h.voxels.iter().copied()).collect();
     let w = fit_voxels(&voxels)?;
     let auto_blend = Blend { hull: auto.weights[0], evidence: auto.weights[1], distance: 0.0, offsets: auto.offsets };
-    let mut posterior = Vec::new();
-    let right = labels.iter().enumerate().filter(|(i, label)| {
-        let scores =
-            crate::perception::blend::Scores { hull: sampled_hull[*i].clone(), evidence: evidence[*i].clone(), distance: Vec::new() };
-        auto_blend.posterior(&scores, &[], &mut posterior);
-        (0..classes).all(|c| posterior[c] <= posterior[**label])
-    });
-    let accuracy = right.count() as f64 / labels.len().max(1) as f64;
     Ok(Calibration {
         degrees_of_freedom: freedom,
         prior_strength: STRENGTHS[strength],
@@ -507,7 +499,7 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
         noise_inflation: INFLATIONS[inflation],
         completion: CompletionCalibration { constant: w[0], mean: w[1], class_mean: w[2], log_depth: w[3], surface: w[4] },
         objects: labels.len(),
-        accuracy,
+        accuracy: auto.accuracy,
         log_loss: auto.log_loss,
         auto: auto_blend,
     })
