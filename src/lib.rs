@@ -8,4 +8,5 @@ pub mod linear;
 pub mod model;
 pub mod perception;
 pub mod picture;
+pub mod service;
 pub mod shapes;

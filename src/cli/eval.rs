@@ -8,6 +8,7 @@ use crate::model::load;
 use crate::perception::{Method, Perceiver, Projection, Query};
 use crate::shapes::library::LoadOptions;
 use clap::{Args, ValueEnum};
+use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -58,7 +59,8 @@ pub enum PoseArgument {
 }
 
 /// Prior over the classes.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum PriorArgument {
     /// All classes alike
     Uniform,

@@ -3,10 +3,14 @@
 mod eval;
 mod failure;
 mod inspect;
+mod observe;
 mod perceive;
 mod progress;
+mod serve;
 mod shapes;
+mod stop;
 mod train;
+mod watch;
 
 use clap::{Parser, Subcommand};
 
@@ -34,6 +38,12 @@ enum Command {
     Inspect(inspect::Inspect),
     /// Answer shapes or partial grids without a daemon
     Perceive(perceive::Perceive),
+    /// Answer observations from shared memory until SIGINT or SIGTERM
+    Serve(serve::Serve),
+    /// Write observations of shapes into shared memory, as a camera would
+    Observe(observe::Observe),
+    /// Print what the daemon perceives
+    Watch(watch::Watch),
     /// Measure a model by the paper's protocol
     Eval(eval::Eval),
 }
@@ -56,6 +66,9 @@ pub fn run() -> ExitCode {
         Command::Train(command) => command.run(),
         Command::Inspect(command) => command.run(),
         Command::Perceive(command) => command.run(),
+        Command::Serve(command) => command.run(),
+        Command::Observe(command) => command.run(),
+        Command::Watch(command) => command.run(),
         Command::Eval(command) => command.run(),
     };
     match outcome {
@@ -69,11 +82,16 @@ pub fn run() -> ExitCode {
 
 /// Log lines go to standard error: warnings, with -v what happens, with -vv everything.
 fn start_log(verbose: u8) {
-    use tracing_subscriber::filter::LevelFilter;
+    use tracing_subscriber::filter::{LevelFilter, Targets};
+    use tracing_subscriber::prelude::*;
     let level = match verbose {
         0 => LevelFilter::WARN,
         1 => LevelFilter::INFO,
         _ => LevelFilter::DEBUG,
     };
-    let _ = tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).with_ansi(false).try_init();
+    // iceoryx2 warns of what is meant, such as an explicit configuration: only its errors are passed on unless asked for.
+    let iceoryx2 = if verbose > 1 { LevelFilter::DEBUG } else { LevelFilter::ERROR };
+    let targets = Targets::new().with_default(level).with_target("iceoryx2", iceoryx2).with_target("iceoryx2_bb_loggers", iceoryx2);
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(false);
+    let _ = tracing_subscriber::registry().with(targets).with(lines).try_init();
 }

@@ -69,10 +69,12 @@ impl Perceive {
             let filled = percept.occupancy.iter().filter(|p| **p >= 0.5).count();
             let posterior: BTreeMap<&str, f64> = names.iter().copied().zip(percept.posterior.iter().copied()).collect();
             if self.json {
+                let scores: BTreeMap<&str, f64> = names.iter().copied().zip(percept.scores.iter().copied()).collect();
                 let line = json!({
                     "file": file.display().to_string(),
                     "class": names[percept.class],
                     "posterior": posterior,
+                    "scores": scores,
                     "completion": { "dims": <[usize; 3]>::from(model.dims()), "filled": filled },
                 });
                 println!("{line}");

@@ -178,7 +178,7 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
             folds: options.folds,
         },
     };
-    Ok(Model { metadata, basis: fit.basis, classes })
+    Ok(Model { id: 0, metadata, basis: fit.basis, classes })
 }
 
 /// The shapes by class, and their inner products.
@@ -464,7 +464,13 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
         })
         .collect::<Result<_, LinearError>>()?;
     for (s, f, fitted) in &fits {
-        tracing::debug!(strength = STRENGTHS[*s], freedom = f, log_loss = fitted.log_loss, accuracy = fitted.accuracy, "hull density on held-out objects");
+        tracing::debug!(
+            strength = STRENGTHS[*s],
+            freedom = f,
+            log_loss = fitted.log_loss,
+            accuracy = fitted.accuracy,
+            "hull density on held-out objects"
+        );
     }
     let (strength, freedom, hull) = fits.into_iter().min_by(|a, b| a.2.log_loss.total_cmp(&b.2.log_loss)).expect("there are candidates");
 
@@ -478,7 +484,13 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
     for (inflation, factor) in INFLATIONS.iter().enumerate() {
         let evidence = of_sample(&|h| h.evidence[inflation].clone());
         let fitted = fit_blend(&[sampled_hull.clone(), evidence.clone()], &labels, classes, true)?;
-        tracing::debug!(inflation = factor, log_loss = fitted.log_loss, accuracy = fitted.accuracy, weight = fitted.weights[1] / fitted.weights[0], "hull density and evidence on held-out objects");
+        tracing::debug!(
+            inflation = factor,
+            log_loss = fitted.log_loss,
+            accuracy = fitted.accuracy,
+            weight = fitted.weights[1] / fitted.weights[0],
+            "hull density and evidence on held-out objects"
+        );
         if best.as_ref().is_none_or(|(_, other, _)| fitted.log_loss < other.log_loss) {
             best = Some((inflation, fitted, evidence));
         }

@@ -192,7 +192,8 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
             }
         })
         .collect();
-    Ok(Model { metadata: file.header.metadata, basis, classes })
+    let id = u64::from(file.header.checksum) << 32 | u64::from(file.header.checksums.get("basis").copied().unwrap_or(0));
+    Ok(Model { id, metadata: file.header.metadata, basis, classes })
 }
 
 /// A mapped file whose header has been checked.

@@ -41,6 +41,8 @@ pub struct HullDensity {
 /// A trained model.
 #[derive(Debug)]
 pub struct Model {
+    /// Tells one model file from another: made of its checksums; 0 for a model that was not loaded from a file.
+    pub id: u64,
     /// What the model is and how it was made.
     pub metadata: Metadata,
     /// The shared basis W'.

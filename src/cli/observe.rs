@@ -1,0 +1,126 @@
+//! `beo observe`: a camera-side producer that writes observations of shapes into shared memory.
+
+use super::failure::Failure;
+use super::shapes::{MeshArguments, ViewArgument};
+use super::stop;
+use crate::grid::{Dims, Observation};
+use beo_ipc::{InstanceName, ObservationHeader, Producer, Status, Subscriber, SubscriberOptions};
+use clap::Args;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Write observations of shapes into shared memory, as a camera would
+#[derive(Args)]
+pub struct Observe {
+    /// Shapes, or with --view none grids of bytes
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Instance of the daemon
+    #[arg(long, default_value_t = InstanceName::default(), value_name = "NAME")]
+    instance: InstanceName,
+    /// What is seen of a file
+    #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
+    view: ViewArgument,
+    /// Observations per second
+    #[arg(long, default_value_t = 30.0, value_name = "HZ")]
+    rate: f64,
+    /// Observations in all, cycling through the files [default: each file once]
+    #[arg(long, value_name = "N")]
+    count: Option<u64>,
+    /// Seconds to wait for a daemon
+    #[arg(long, default_value_t = 10.0, value_name = "SECONDS")]
+    wait: f64,
+    #[command(flatten)]
+    mesh: MeshArguments,
+}
+
+/// How long the last answers are waited for.
+const LAST_ANSWERS: Duration = Duration::from_secs(5);
+
+impl Observe {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        if !(self.rate > 0.0 && self.rate <= 1e6) {
+            return Err(Failure::Usage(format!("--rate {}: use a number above 0, at most 1000000", self.rate)));
+        }
+        let wait = seconds(self.wait)?;
+        let stop = stop::on_signal()?;
+        let deadline = Instant::now() + wait;
+        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions::default(), wait)?;
+        let status = first_status(&subscriber, deadline)?;
+        let [x, y, z] = status.dims.map(|side| side as usize);
+        let dims = Dims::new(x, y, z)?;
+        let read = self.mesh.read_options(dims)?;
+        let observations = self.files.iter().map(|file| self.view.observe(file, &read)).collect::<Result<Vec<Observation>, _>>()?;
+        if let Some((file, found)) = self.files.iter().zip(&observations).find(|(_, o)| o.dims() != dims) {
+            let found = found.dims();
+            return Err(Failure::Failed(format!("{} is a grid of {found}, the daemon's model is for {dims}", file.display())));
+        }
+        let mut template = ObservationHeader::new(status.dims);
+        if self.view == ViewArgument::Top {
+            template.view = beo_ipc::View::TopDown.code();
+        }
+        let producer = Producer::open_within(&self.instance, &template, wait)?;
+        let count = self.count.unwrap_or(self.files.len() as u64);
+        let period = Duration::from_secs_f64(1.0 / self.rate);
+        let mut next = Instant::now();
+        let (mut sent, mut answered) = (0, 0);
+        while sent < count && !stop.load(Ordering::Relaxed) {
+            let which = (sent % observations.len() as u64) as usize;
+            let mut loan = producer.loan()?;
+            observations[which].write(loan.voxels_mut());
+            // Each file is an object of its own: none replaces another while the daemon is busy.
+            loan.header_mut().object_id = which as u64 + 1;
+            loan.send()?;
+            sent += 1;
+            next += period;
+            while let Some(rest) = next.checked_duration_since(Instant::now()).filter(|_| sent < count) {
+                std::thread::sleep(rest.min(Duration::from_millis(50)));
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+            }
+            answered += drain(&subscriber, producer.id())?;
+        }
+        // The memory of what was sent goes with this process: stay until the daemon has taken it.
+        let deadline = Instant::now() + LAST_ANSWERS;
+        while answered < sent && Instant::now() < deadline && !stop.load(Ordering::Relaxed) {
+            subscriber.wait(Duration::from_millis(50))?;
+            answered += drain(&subscriber, producer.id())?;
+        }
+        println!("sent {sent} observations, {answered} answered");
+        Ok(())
+    }
+}
+
+/// Percepts of one producer that have arrived.
+fn drain(subscriber: &Subscriber, producer: u64) -> Result<u64, Failure> {
+    let mut count = 0;
+    while let Some(percept) = subscriber.take_percept()? {
+        count += u64::from(percept.producer_id == producer);
+    }
+    Ok(count)
+}
+
+/// The daemon's status, waited for.
+pub fn first_status(subscriber: &Subscriber, deadline: Instant) -> Result<Status, Failure> {
+    loop {
+        if let Some(status) = subscriber.status()? {
+            return Ok(status);
+        }
+        // History arrives with the daemon's next heartbeat, even when the wait for the daemon itself is used up.
+        if Instant::now() > deadline + Duration::from_secs(2) {
+            return Err(Failure::Failed("the daemon sends no status: is it stopped? Restart `beo serve`".into()));
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// A flag's seconds as a duration.
+pub fn seconds(value: f64) -> Result<Duration, Failure> {
+    Duration::try_from_secs_f64(value)
+        .ok()
+        .filter(|d| d.as_secs() <= 86_400)
+        .ok_or_else(|| Failure::Usage(format!("--wait {value}: use 0 to 86400 seconds")))
+}

@@ -1,0 +1,86 @@
+//! `beo serve`: the daemon.
+
+use super::eval::{PriorArgument, ProjectionArgument};
+use super::failure::Failure;
+use super::stop;
+use crate::model::load;
+use crate::perception::{Method, Perceiver, Query};
+use crate::service::{Daemon, ServeOptions};
+use beo_ipc::InstanceName;
+use clap::Args;
+use serde::Deserialize;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Answer observations from shared memory until SIGINT or SIGTERM
+#[derive(Args)]
+pub struct Serve {
+    /// Model file
+    #[arg(long)]
+    model: Option<PathBuf>,
+    /// Instance: daemon and clients of one name find each other [default: default]
+    #[arg(long, value_name = "NAME")]
+    instance: Option<InstanceName>,
+    /// TOML file with the same settings: model, instance, method, prior; flags override it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Method: auto, hull, evidence, paper or mean [default: auto]
+    #[arg(long)]
+    method: Option<Method>,
+    /// Prior over the classes [default: uniform]
+    #[arg(long, value_enum)]
+    prior: Option<PriorArgument>,
+}
+
+/// The configuration file.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Configuration {
+    model: Option<PathBuf>,
+    instance: Option<String>,
+    method: Option<Method>,
+    prior: Option<PriorArgument>,
+}
+
+impl Serve {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        let configuration = match &self.config {
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|e| Failure::Failed(format!("cannot read {}: {e}", path.display())))?;
+                toml::from_str::<Configuration>(&text).map_err(|e| {
+                    let line = e.to_string().replace('\n', " ");
+                    Failure::Failed(format!("{}: {}; known settings: model, instance, method, prior", path.display(), line.trim()))
+                })?
+            }
+            None => Configuration::default(),
+        };
+        let instance = match (self.instance, &configuration.instance) {
+            (Some(instance), _) => instance,
+            (None, Some(name)) => InstanceName::new(name).map_err(|e| Failure::Failed(e.to_string()))?,
+            (None, None) => InstanceName::default(),
+        };
+        let Some(path) = self.model.or(configuration.model) else {
+            return Err(Failure::Usage("no model: give --model MODEL, or `model = \"…\"` in the --config file".into()));
+        };
+        let stop = stop::on_signal()?;
+        let model = Arc::new(load(&path)?);
+        let perceiver = Perceiver::new(model.clone())?;
+        let query = Query {
+            method: self.method.or(configuration.method).unwrap_or_default(),
+            log_prior: self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform).log_prior(&perceiver),
+            completion: true,
+            projection: ProjectionArgument::Lasso.projection(),
+            view: None,
+        };
+        let model_name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let mut daemon = Daemon::open(perceiver, &ServeOptions { instance: instance.clone(), query, model_name })?;
+        // Scripts wait for this line.
+        println!("serving `{instance}` with {}: {} classes, {}", path.display(), model.classes.len(), model.dims());
+        let _ = std::io::stdout().flush();
+        tracing::info!(daemon = daemon.id(), model = model.id, "ready");
+        daemon.run(&stop)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,164 @@
+//! `beo watch`: prints what the daemon perceives.
+
+use super::failure::{Failure, cannot_write};
+use super::observe::{first_status, seconds};
+use super::stop;
+use crate::grid::{Dims, Observation};
+use crate::picture::{draw_completion, draw_observation, sheet};
+use beo_ipc::clock::monotonic_ns;
+use beo_ipc::text::from_field;
+use beo_ipc::{Completion, InstanceName, Percept, PerceptStatus, Status, Subscriber, SubscriberOptions, tasks};
+use clap::Args;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Print what the daemon perceives
+#[derive(Args)]
+pub struct Watch {
+    /// Instance of the daemon
+    #[arg(long, default_value_t = InstanceName::default(), value_name = "NAME")]
+    instance: InstanceName,
+    /// Print one JSON object a line
+    #[arg(long)]
+    json: bool,
+    /// End after this many percepts
+    #[arg(long, value_name = "N")]
+    count: Option<u64>,
+    /// Draw query and completion of every percept into this folder
+    #[arg(long, value_name = "DIR")]
+    png: Option<PathBuf>,
+    /// Seconds to wait for a daemon
+    #[arg(long, default_value_t = 10.0, value_name = "SECONDS")]
+    wait: f64,
+}
+
+impl Watch {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        let wait = seconds(self.wait)?;
+        if let Some(folder) = &self.png {
+            std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
+        }
+        let stop = stop::on_signal()?;
+        let deadline = Instant::now() + wait;
+        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions { completion: true }, wait)?;
+        let mut status = first_status(&subscriber, deadline)?;
+        let mut out = std::io::stdout().lock();
+        let mut shown = 0;
+        let mut housekeeping = Instant::now();
+        while self.count.is_none_or(|count| shown < count) && !stop.load(Ordering::Relaxed) {
+            subscriber.wait(Duration::from_millis(50))?;
+            while self.count.is_none_or(|count| shown < count) {
+                let Some(percept) = subscriber.take_percept()? else { break };
+                let read_ns = monotonic_ns();
+                let completion = completion_of(&subscriber, &percept)?;
+                if percept.model_id != status.model_id {
+                    status = subscriber.status()?.unwrap_or(status);
+                }
+                let line = if self.json {
+                    as_json(&percept, &completion, &status, read_ns)
+                } else {
+                    as_text(&percept, &completion, &status, read_ns)
+                };
+                // A reader that has gone away is no fault of ours.
+                if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
+                    return Ok(());
+                }
+                if let (Some(folder), Some(completion)) = (&self.png, &completion) {
+                    draw(folder, shown + 1, &percept, completion, &status)?;
+                }
+                shown += 1;
+            }
+            if housekeeping.elapsed() > Duration::from_secs(1) {
+                subscriber.maintain();
+                housekeeping = Instant::now();
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The completion that belongs to a percept; those of others, which came before it, are passed over.
+fn completion_of(subscriber: &Subscriber, percept: &Percept) -> Result<Option<Completion>, Failure> {
+    if percept.tasks & tasks::COMPLETION == 0 {
+        return Ok(None);
+    }
+    while let Some(completion) = subscriber.take_completion()? {
+        let header = completion.header();
+        if (header.daemon_id, header.producer_id, header.sequence) == (percept.daemon_id, percept.producer_id, percept.sequence) {
+            return Ok(Some(completion));
+        }
+    }
+    Ok(None)
+}
+
+fn filled(completion: &Completion) -> usize {
+    completion.occupancy().iter().filter(|byte| **byte >= 128).count()
+}
+
+fn class_name<'a>(status: &'a Status, index: u32) -> &'a str {
+    status.class_names.get(index as usize).map_or("?", |field| from_field(field))
+}
+
+/// From the taking of the sensor data to its percept's being read here, in microseconds.
+fn latency_us(percept: &Percept, read_ns: u64) -> f64 {
+    read_ns.saturating_sub(percept.capture_ns) as f64 / 1e3
+}
+
+fn classes(percept: &Percept) -> usize {
+    (percept.class_count as usize).min(percept.posterior.len())
+}
+
+fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Status, read_ns: u64) -> String {
+    let mut line = json!({ "sequence": percept.sequence, "latency_us": latency_us(percept, read_ns) });
+    if percept.status == PerceptStatus::Ok.code() {
+        let posterior: BTreeMap<&str, f32> = (0..classes(percept)).map(|s| (class_name(status, s as u32), percept.posterior[s])).collect();
+        line["class"] = class_name(status, percept.class_index).into();
+        line["posterior"] = json!(posterior);
+    } else {
+        line["class"] = serde_json::Value::Null;
+        line["posterior"] = json!({});
+        line["refused"] = from_field(&percept.explanation).into();
+    }
+    line["completion"] = completion.as_ref().map_or(serde_json::Value::Null, |c| json!({ "dims": c.header().dims, "filled": filled(c) }));
+    line.to_string()
+}
+
+fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Status, read_ns: u64) -> String {
+    let latency = latency_us(percept, read_ns) / 1e3;
+    if percept.status != PerceptStatus::Ok.code() {
+        return format!("#{} refused: {}", percept.sequence, from_field(&percept.explanation));
+    }
+    let mut ranked: Vec<(&str, f32)> = (0..classes(percept)).map(|s| (class_name(status, s as u32), percept.posterior[s])).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let others: Vec<String> = ranked.iter().skip(1).take(2).map(|(name, p)| format!("{name} {:.1} %", 100.0 * p)).collect();
+    let completed = completion.as_ref().map_or("no completion".into(), |c| format!("{} voxels filled", filled(c)));
+    let (name, p) = ranked.first().copied().unwrap_or(("?", 0.0));
+    format!("#{} {name} {:.1} % ({}), {completed}, {latency:.2} ms", percept.sequence, 100.0 * p, others.join(", "))
+}
+
+fn draw(folder: &Path, number: u64, percept: &Percept, completion: &Completion, status: &Status) -> Result<(), Failure> {
+    let [x, y, z] = completion.header().dims.map(|side| side as usize);
+    let dims = Dims::new(x, y, z)?;
+    // Observed voxels are those that are certain: 0 or 1 without deviation.
+    let mut observation = Observation::unknown(dims);
+    for (index, (occupancy, deviation)) in completion.occupancy().iter().zip(completion.deviation()).enumerate() {
+        if *deviation == 0 && (*occupancy == 0 || *occupancy == 255) {
+            observation.set(index, *occupancy == 255);
+        }
+    }
+    let occupancy: Vec<f32> = completion.occupancy().iter().map(|byte| f32::from(*byte) / 255.0).collect();
+    let name = class_name(status, percept.class_index);
+    let p = percept.posterior.get(percept.class_index as usize).copied().unwrap_or(0.0);
+    let row = vec![
+        (draw_observation(&observation, 360), "query: seen and hidden".to_string()),
+        (draw_completion(&observation, &occupancy, 360), "completion".to_string()),
+    ];
+    let picture = sheet(&[row], &format!("#{} {name} {:.1} %", percept.sequence, 100.0 * p));
+    let path = folder.join(format!("{number:04}-{name}.png"));
+    picture.save(&path).map_err(|error| Failure::Failed(error.to_string()))
+}

@@ -1,0 +1,15 @@
+//! The daemon: from shared memory to shared memory. The only place where `beo_ipc` and the mathematics meet.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `streams` | observations that wait, the newest of each stream |
+//! | `answer` | one observation in, percept and completion out |
+//! | `latency` | percentiles of recent latencies |
+//! | `daemon` | the loop: receive, answer, heartbeat |
+
+mod answer;
+mod daemon;
+mod latency;
+mod streams;
+
+pub use daemon::{Daemon, ServeError, ServeOptions};

@@ -1,0 +1,100 @@
+//! Observations that wait for an answer: the newest of each (producer, object) stream, streams served in the order in which
+//! they began to wait, so that a flood in one cannot starve another.
+
+use crate::grid::{Dims, Observation, ObservationError};
+use beo_ipc::ObservationHeader;
+use std::collections::VecDeque;
+
+/// Streams that can wait at a time; beyond, the one that has waited longest is given up.
+const MOST_STREAMS: usize = 256;
+
+/// An observation copied out of shared memory.
+pub struct Waiting {
+    /// Its header.
+    pub header: ObservationHeader,
+    /// Its voxels.
+    pub observation: Observation,
+    /// When it was taken, CLOCK_MONOTONIC.
+    pub received_ns: u64,
+}
+
+/// The queue, and a pool of grids so that a warm queue does not allocate.
+pub struct Streams {
+    dims: Dims,
+    waiting: VecDeque<Waiting>,
+    pool: Vec<Observation>,
+}
+
+impl Streams {
+    /// An empty queue for grids of one size.
+    pub fn new(dims: Dims) -> Self {
+        Self { dims, waiting: VecDeque::with_capacity(MOST_STREAMS), pool: vec![Observation::unknown(dims)] }
+    }
+
+    /// Copies an observation in, checking every voxel as it is copied. Returns how many waiting observations it displaced.
+    pub fn push(&mut self, header: &ObservationHeader, voxels: &[u8], received_ns: u64) -> Result<usize, ObservationError> {
+        let mut observation = self.pool.pop().unwrap_or_else(|| Observation::unknown(self.dims));
+        if let Err(error) = observation.read(voxels) {
+            self.pool.push(observation);
+            return Err(error);
+        }
+        let fresh = Waiting { header: *header, observation, received_ns };
+        let stream = |w: &Waiting| (w.header.producer_id, w.header.object_id);
+        if let Some(older) = self.waiting.iter_mut().find(|w| stream(w) == stream(&fresh)) {
+            let older = std::mem::replace(older, fresh);
+            self.pool.push(older.observation);
+            return Ok(1);
+        }
+        let mut displaced = 0;
+        if self.waiting.len() == MOST_STREAMS
+            && let Some(oldest) = self.waiting.pop_front()
+        {
+            self.pool.push(oldest.observation);
+            displaced = 1;
+        }
+        self.waiting.push_back(fresh);
+        Ok(displaced)
+    }
+
+    /// The next observation to answer. Give its grid back with [`Self::recycle`].
+    pub fn pop(&mut self) -> Option<Waiting> {
+        self.waiting.pop_front()
+    }
+
+    /// Takes a grid back for reuse.
+    pub fn recycle(&mut self, observation: Observation) {
+        self.pool.push(observation);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(producer_id: u64, object_id: u64, sequence: u64) -> ObservationHeader {
+        ObservationHeader { producer_id, object_id, sequence, ..ObservationHeader::new([8; 3]) }
+    }
+
+    #[test]
+    fn only_the_newest_of_a_stream_waits_and_streams_keep_their_turn() {
+        let mut streams = Streams::new(Dims::cube(8).unwrap());
+        let voxels = vec![255; 512];
+        let mut push = |producer, object, sequence| streams.push(&header(producer, object, sequence), &voxels, 0).unwrap();
+        assert_eq!([push(1, 1, 1), push(2, 1, 1), push(1, 1, 2), push(1, 2, 3), push(1, 1, 4)], [0, 0, 1, 0, 1]);
+        let mut order = Vec::new();
+        while let Some(waiting) = streams.pop() {
+            order.push((waiting.header.producer_id, waiting.header.object_id, waiting.header.sequence));
+            streams.recycle(waiting.observation);
+        }
+        assert_eq!(order, [(1, 1, 4), (2, 1, 1), (1, 2, 3)]);
+    }
+
+    #[test]
+    fn the_queue_is_bounded_and_bad_voxels_do_not_enter_it() {
+        let mut streams = Streams::new(Dims::cube(8).unwrap());
+        let displaced: usize = (0..MOST_STREAMS as u64 + 5).map(|i| streams.push(&header(1, i, i), &[0; 512], 0).unwrap()).sum();
+        assert_eq!(displaced, 5);
+        assert_eq!(streams.pop().unwrap().header.object_id, 5);
+        assert!(streams.push(&header(9, 9, 9), &[7; 512], 0).is_err());
+    }
+}
