@@ -1,5 +1,6 @@
 //! The command line, one file per subcommand.
 
+mod demo;
 mod eval;
 mod failure;
 mod inspect;
@@ -44,6 +45,8 @@ enum Command {
     Observe(observe::Observe),
     /// Print what the daemon perceives
     Watch(watch::Watch),
+    /// Start daemon, producer and watcher on made-up furniture, and show what is perceived
+    Demo(demo::Demo),
     /// Measure a model by the paper's protocol
     Eval(eval::Eval),
 }
@@ -69,6 +72,7 @@ pub fn run() -> ExitCode {
         Command::Serve(command) => command.run(),
         Command::Observe(command) => command.run(),
         Command::Watch(command) => command.run(),
+        Command::Demo(command) => command.run(),
         Command::Eval(command) => command.run(),
     };
     match outcome {

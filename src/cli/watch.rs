@@ -47,6 +47,8 @@ impl Watch {
         let deadline = Instant::now() + wait;
         let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions { completion: true }, wait)?;
         let mut status = first_status(&subscriber, deadline)?;
+        // Whoever starts a producer after this line misses nothing.
+        eprintln!("watching `{}`", self.instance);
         let mut out = std::io::stdout().lock();
         let mut shown = 0;
         let mut housekeeping = Instant::now();

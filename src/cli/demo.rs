@@ -1,0 +1,179 @@
+//! `beo demo`: daemon, producer and watcher as separate processes on made-up furniture.
+
+use super::failure::{Failure, cannot_write};
+use crate::grid::Dims;
+use crate::model::load;
+use crate::shapes::{furniture, write_binvox};
+use clap::Args;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+/// Start daemon, producer and watcher on made-up furniture, and show what is perceived
+#[derive(Args)]
+pub struct Demo {
+    /// Model file
+    #[arg(long, default_value = "models/modelnet10.safetensors")]
+    model: PathBuf,
+    /// Folder for the pictures of query and completion
+    #[arg(long, default_value = "demo", value_name = "DIR")]
+    png: PathBuf,
+    /// Seed of the furniture
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// A process is given this long to end before it is killed.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The process that must be there before the camera sends.
+const WATCHER: &str = "beo watch";
+
+/// A process of the demo, ended when dropped.
+struct Process {
+    child: Child,
+    name: &'static str,
+}
+
+impl Demo {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        let model = load(&self.model)?;
+        let dims = model.dims();
+        drop(model);
+        std::fs::create_dir_all(&self.png).map_err(cannot_write(&self.png))?;
+        let instance = format!("demo-{}", std::process::id());
+        let files = make_furniture(&self.png, dims, self.seed)?;
+        let count = files.len().to_string();
+
+        println!("1. the daemon: beo serve --model {} --instance {instance}", self.model.display());
+        let mut daemon = Process::start("beo serve", &["serve", "--instance", &instance, "--model"], &[&self.model])?;
+        let mut ready = String::new();
+        BufReader::new(daemon.output()?).read_line(&mut ready)?;
+        if ready.is_empty() {
+            return Err(Failure::Failed("the daemon did not start; its own message stands above".into()));
+        }
+        println!("2. a robot's process: beo watch --instance {instance} --json --png {}", self.png.display());
+        let mut watcher = Process::start(WATCHER, &["watch", "--instance", &instance, "--count", &count, "--json", "--png"], &[&self.png])?;
+        watcher.wait_until_watching()?;
+        println!("3. the camera: beo observe {} pieces of made-up furniture, seen from above\n", files.len());
+        let arguments = ["observe", "--instance", &instance, "--rate", "10"];
+        let mut camera = Process::start("beo observe", &arguments, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+
+        let mut right = 0;
+        let mut seen = 0;
+        let lines = watcher.lines()?;
+        while let Ok(line) = lines.recv_timeout(PATIENCE) {
+            let line: serde_json::Value = serde_json::from_str(&line)?;
+            seen += 1;
+            let made = furniture::CLASSES[(line["sequence"].as_u64().unwrap_or(1) as usize - 1) % files.len()];
+            let class = line["class"].as_str().unwrap_or("refused");
+            right += usize::from(class == made);
+            println!(
+                "   made-up {made:<12} → {class:<12} {:>5.1} %   {:>5} voxels after completion   {:>6.2} ms",
+                100.0 * line["posterior"][class].as_f64().unwrap_or(0.0),
+                line["completion"]["filled"],
+                line["latency_us"].as_f64().unwrap_or(0.0) / 1e3
+            );
+        }
+        camera.finish()?;
+        watcher.finish()?;
+        daemon.interrupt();
+        daemon.finish()?;
+        if seen < files.len() {
+            return Err(Failure::Failed(format!("only {seen} of {} observations were answered", files.len())));
+        }
+        println!("\n{right} of {seen} named as they were made; pictures of query and completion are in {}/", self.png.display());
+        Ok(())
+    }
+}
+
+/// One piece of each class, as files that the producer reads.
+fn make_furniture(folder: &Path, dims: Dims, seed: u64) -> Result<Vec<PathBuf>, Failure> {
+    let folder = folder.join("furniture");
+    std::fs::create_dir_all(&folder).map_err(cannot_write(&folder))?;
+    furniture::CLASSES
+        .iter()
+        .map(|class| {
+            let path = folder.join(format!("{class}.binvox"));
+            let shape = furniture::make(class, dims, seed).expect("its own class");
+            let mut bytes = Vec::new();
+            write_binvox(&mut bytes, &shape)?;
+            std::fs::File::create(&path).and_then(|mut file| file.write_all(&bytes)).map_err(cannot_write(&path))?;
+            Ok(path)
+        })
+        .collect()
+}
+
+impl Process {
+    /// Starts this program once more; its messages go where ours go.
+    fn start(name: &'static str, arguments: &[&str], paths: &[&Path]) -> Result<Self, Failure> {
+        let child = Command::new(std::env::current_exe()?)
+            .args(arguments)
+            .args(paths)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(if name == WATCHER { Stdio::piped() } else { Stdio::inherit() })
+            .spawn()
+            .map_err(|error| Failure::Failed(format!("cannot start {name}: {error}")))?;
+        Ok(Self { child, name })
+    }
+
+    fn output(&mut self) -> Result<impl Read + use<>, Failure> {
+        self.child.stdout.take().ok_or_else(|| Failure::Failed(format!("{} has no output", self.name)))
+    }
+
+    /// Its output, line by line, from a thread: a process that hangs does not hang the demo.
+    fn lines(&mut self) -> Result<Receiver<String>, Failure> {
+        let output = BufReader::new(self.output()?);
+        let (sender, receiver) = channel();
+        std::thread::spawn(move || output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        Ok(receiver)
+    }
+
+    /// Waits until the watcher says that it has subscribed; what else it says goes where ours goes.
+    fn wait_until_watching(&mut self) -> Result<(), Failure> {
+        let Some(messages) = self.child.stderr.take() else { return Ok(()) };
+        let mut messages = BufReader::new(messages);
+        let mut line = String::new();
+        messages.read_line(&mut line)?;
+        if !line.starts_with("watching") {
+            return Err(Failure::Failed(format!("{} did not start: {}", self.name, line.trim())));
+        }
+        std::thread::spawn(move || messages.lines().map_while(Result::ok).for_each(|line| eprintln!("{line}")));
+        Ok(())
+    }
+
+    /// Asks it to end, as Ctrl-C would.
+    fn interrupt(&self) {
+        if let Some(pid) = rustix::process::Pid::from_raw(self.child.id() as i32) {
+            let _ = rustix::process::kill_process(pid, rustix::process::Signal::INT);
+        }
+    }
+
+    /// Waits for its end.
+    fn finish(&mut self) -> Result<(), Failure> {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            if let Some(status) = self.child.try_wait()? {
+                return match status.success() {
+                    true => Ok(()),
+                    false => Err(Failure::Failed(format!("{} ended with {status}; its own message stands above", self.name))),
+                };
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Err(Failure::Failed(format!("{} did not end within {PATIENCE:?}", self.name)))
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if matches!(self.child.try_wait(), Ok(None)) {
+            let _ = self.child.kill();
+            let _ = self.child.wait();
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Starting the program, a small model to serve, and ending every process by its id.
+
+use beo::grid::Dims;
+use beo::shapes::{furniture, write_binvox};
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+/// No step of a test takes longer than this on the slowest machine; it ends what hangs, it measures nothing.
+pub const PATIENCE: Duration = Duration::from_secs(300);
+/// Resolution of the small model.
+pub const RESOLUTION: usize = 16;
+/// Made-up shapes of each class that the small model learns from.
+const SHAPES: u64 = 12;
+
+/// The program with these arguments, not yet started.
+pub fn beo<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beo"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// Runs the program to its end.
+pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
+    let mut running = Running::start(beo(arguments));
+    let status = running.wait();
+    let take =
+        |stream: Option<Receiver<String>>| stream.map_or(Vec::new(), |lines| lines.iter().collect::<Vec<_>>().join("\n").into_bytes());
+    Output { status, stdout: take(running.stdout.take()), stderr: take(running.stderr.take()) }
+}
+
+/// Text of a finished program's output.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A running program, killed by its id when dropped.
+pub struct Running {
+    child: Child,
+    /// Lines of its output.
+    pub stdout: Option<Receiver<String>>,
+    /// Lines of its messages.
+    pub stderr: Option<Receiver<String>>,
+}
+
+impl Running {
+    /// Starts it.
+    pub fn start(mut command: Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+        let (stdout, stderr) = (child.stdout.take().map(lines), child.stderr.take().map(lines));
+        Self { child, stdout, stderr }
+    }
+
+    /// Its process id.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// The next line of its output.
+    pub fn line(&self) -> String {
+        self.stdout.as_ref().unwrap().recv_timeout(PATIENCE).expect("a line before the program ends")
+    }
+
+    /// The next line of its messages.
+    pub fn message(&self) -> String {
+        self.stderr.as_ref().unwrap().recv_timeout(PATIENCE).expect("a message before the program ends")
+    }
+
+    /// Sends a signal.
+    pub fn signal(&self, signal: rustix::process::Signal) {
+        let pid = rustix::process::Pid::from_raw(self.id() as i32).unwrap();
+        rustix::process::kill_process(pid, signal).unwrap();
+    }
+
+    /// Waits for its end.
+    pub fn wait(&mut self) -> std::process::ExitStatus {
+        let start = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status;
+            }
+            assert!(start.elapsed() < PATIENCE, "process {} did not end", self.id());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn lines(stream: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || BufReader::new(stream).lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+    receiver
+}
+
+/// An instance name that no other test uses.
+pub fn instance() -> String {
+    static COUNT: AtomicUsize = AtomicUsize::new(0);
+    format!("test-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
+}
+
+/// A file of one made-up shape.
+pub fn shape(folder: &Path, class: &str, seed: u64) -> PathBuf {
+    let path = folder.join(format!("{class}-{seed}.binvox"));
+    let mut bytes = Vec::new();
+    let object = furniture::make(class, Dims::cube(RESOLUTION).unwrap(), seed).expect("a class of the generator");
+    write_binvox(&mut bytes, &object).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// A folder of made-up shapes, DIR/<class>/train/*.
+pub fn library(root: &Path) {
+    for class in furniture::CLASSES {
+        let folder = root.join(class).join("train");
+        std::fs::create_dir_all(&folder).unwrap();
+        (0..SHAPES).for_each(|seed| drop(shape(&folder, class, seed)));
+    }
+}
+
+/// A model of made-up shapes, trained once by the program itself.
+pub fn model() -> &'static Path {
+    static MODEL: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, path) = MODEL.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let shapes = folder.path().join("shapes");
+        library(&shapes);
+        let path = folder.path().join("small.safetensors");
+        let resolution = RESOLUTION.to_string();
+        let output = run([
+            "train".as_ref(),
+            shapes.as_os_str(),
+            "--out".as_ref(),
+            path.as_os_str(),
+            "--resolution".as_ref(),
+            resolution.as_ref(),
+            "--least".as_ref(),
+            "5".as_ref(),
+        ]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        (folder, path)
+    });
+    path
+}
+
+/// A daemon with the small model, ready to answer.
+pub fn serve(instance: &str) -> Running {
+    let daemon = Running::start(beo(["serve".as_ref(), "--instance".as_ref(), instance.as_ref(), "--model".as_ref(), model().as_os_str()]));
+    let line = daemon.line();
+    assert!(line.starts_with("serving"), "{line}");
+    daemon
+}
+
+/// Files of shared memory that a process has mapped.
+pub fn segments(pid: u32) -> Vec<PathBuf> {
+    let maps = std::fs::read_to_string(format!("/proc/{pid}/maps")).unwrap();
+    let mut files: Vec<PathBuf> = maps
+        .lines()
+        .filter_map(|line| line.split_whitespace().last())
+        .filter(|path| path.starts_with("/dev/shm/") && !path.ends_with(".global_mgmt"))
+        .map(PathBuf::from)
+        .collect();
+    files.sort();
+    files.dedup();
+    files
+}

@@ -1,0 +1,57 @@
+//! ModelNet10, where BEO_MODELNET10 names its folder: trained on `train` alone, measured on `validation`.
+
+use crate::harness::{run, text};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// The folder, or a line that says that the test is skipped.
+fn modelnet10() -> Option<PathBuf> {
+    let folder = std::env::var_os("BEO_MODELNET10").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("skipped: set BEO_MODELNET10 to the folder of ModelNet10 grids");
+    }
+    folder
+}
+
+#[test]
+fn known_pose_accuracy_calibration_and_completion_on_modelnet10() {
+    let Some(shapes) = modelnet10() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("train.safetensors");
+    let (shapes, model) = (shapes.to_str().unwrap(), model.to_str().unwrap());
+    let trained = run(["train", shapes, "--split", "train", "--out", model]);
+    assert!(trained.status.success(), "{}", text(&trained.stderr));
+    assert!(std::fs::metadata(model).unwrap().len() <= 30_000_000);
+
+    let outcome = folder.path().join("out.json");
+    let methods = "auto,paper,mean";
+    let eval = run(["eval", shapes, "--split", "validation", "--model", model, "--method", methods, "--json", outcome.to_str().unwrap()]);
+    assert!(eval.status.success(), "{}", text(&eval.stderr));
+    println!("{}", text(&eval.stdout));
+    let outcome: Value = serde_json::from_str(&std::fs::read_to_string(outcome).unwrap()).unwrap();
+    let [auto, paper, mean] = [0, 1, 2].map(|i| &outcome[i]);
+    let number = |value: &Value| value.as_f64().unwrap();
+    assert_eq!(auto["queries"], 454);
+    assert!(number(&auto["accuracy"]) >= 0.80, "{}", auto["accuracy"]);
+    assert!(number(&auto["calibration"]["ece"]) <= 0.08, "{}", auto["calibration"]);
+    assert!(number(&paper["accuracy"]) >= 0.72, "{}", paper["accuracy"]);
+    assert!(number(&mean["accuracy"]) < number(&paper["accuracy"]));
+    let completion = &auto["completion"];
+    for part in ["unknown", "all"] {
+        let (ours, baseline) = (number(&completion[format!("iou_{part}")]), number(&completion[format!("iou_{part}_mean_baseline")]));
+        assert!(ours >= baseline + 0.05, "{completion}");
+    }
+    check_scores_with_numpy(model, shapes);
+}
+
+/// Class scores of 50 queries by an independent script, where NumPy is installed.
+fn check_scores_with_numpy(model: &str, shapes: &str) {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/numpy/check_scores.py");
+    let python = std::env::var("BEO_PYTHON").unwrap_or("python3".into());
+    let output = std::process::Command::new(&python).arg(script).args([model, env!("CARGO_BIN_EXE_beo"), shapes, "validation"]).output();
+    match output {
+        Ok(output) if output.status.code() == Some(77) => eprintln!("skipped: {}", text(&output.stdout).trim()),
+        Ok(output) => assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr)),
+        Err(error) => eprintln!("skipped: {python} cannot be started ({error})"),
+    }
+}

@@ -1,0 +1,227 @@
+//! The main job: a producer writes into shared memory, the daemon answers, a watcher reads.
+
+use crate::harness::{RESOLUTION, Running, beo, instance, model, run, segments, serve, shape, text};
+use beo::shapes::furniture;
+use beo_ipc::{InstanceName, ObservationHeader, Percept, PerceptStatus, PoseSearch, Producer, Subscriber, SubscriberOptions, tasks};
+use rustix::process::Signal;
+use serde_json::Value;
+use std::time::{Duration, Instant};
+
+const DIMS: [u32; 3] = [RESOLUTION as u32; 3];
+const WAIT: Duration = Duration::from_secs(60);
+
+#[test]
+fn observe_serve_and_watch_name_made_up_furniture_and_leave_nothing_behind() {
+    let name = instance();
+    let mut daemon = serve(&name);
+    let count = furniture::CLASSES.len().to_string();
+    let mut watcher = Running::start(beo(["watch", "--json", "--instance", &name, "--count", &count]));
+    assert!(watcher.message().starts_with("watching"));
+    let folder = tempfile::tempdir().unwrap();
+    let files: Vec<_> = furniture::CLASSES.iter().map(|class| shape(folder.path(), class, 1001)).collect();
+    let arguments = ["observe", "--instance", &name, "--rate", "200"].map(std::ffi::OsString::from);
+    let output = run(arguments.into_iter().chain(files.iter().map(|f| f.clone().into_os_string())));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(text(&output.stdout), "sent 10 observations, 10 answered");
+
+    let mut right = 0;
+    for _ in 0..files.len() {
+        let line: Value = serde_json::from_str(&watcher.line()).unwrap();
+        let sequence = line["sequence"].as_u64().unwrap() as usize;
+        let posterior = line["posterior"].as_object().unwrap();
+        assert_eq!(posterior.len(), 10);
+        assert!((posterior.values().map(|p| p.as_f64().unwrap()).sum::<f64>() - 1.0).abs() < 1e-5);
+        assert!(line["latency_us"].as_f64().unwrap() > 0.0);
+        assert_eq!(line["completion"]["dims"], serde_json::json!(DIMS));
+        assert!(line["completion"]["filled"].as_u64().unwrap() > 0);
+        let class = line["class"].as_str().unwrap();
+        assert!(posterior.values().all(|p| p.as_f64() <= posterior[class].as_f64()));
+        right += usize::from(class == furniture::CLASSES[sequence - 1]);
+
+        // The daemon's answer is that of `perceive` without a daemon.
+        let alone = run(["perceive".as_ref(), "--json".as_ref(), "--model".as_ref(), model().as_os_str(), files[sequence - 1].as_os_str()]);
+        let alone: Value = serde_json::from_str(&text(&alone.stdout)).unwrap();
+        assert_eq!(alone["class"], line["class"]);
+        for (name, p) in posterior {
+            assert!((p.as_f64().unwrap() - alone["posterior"][name].as_f64().unwrap()).abs() < 1e-5);
+        }
+        let difference = alone["completion"]["filled"].as_i64().unwrap() - line["completion"]["filled"].as_i64().unwrap();
+        assert!(difference.abs() <= 3, "the bytes of the completion round the probability: {difference}");
+    }
+    assert!(right >= 8, "{right} of 10 made-up pieces were named");
+    assert!(watcher.wait().success());
+
+    let mapped = segments(daemon.id());
+    assert!(!mapped.is_empty());
+    daemon.signal(Signal::INT);
+    assert!(daemon.wait().success());
+    let left: Vec<_> = mapped.iter().filter(|path| path.exists()).collect();
+    assert!(left.is_empty(), "left in shared memory: {left:?}");
+}
+
+#[test]
+fn sigterm_ends_the_daemon_cleanly_too() {
+    let mut daemon = serve(&instance());
+    let mapped = segments(daemon.id());
+    daemon.signal(Signal::TERM);
+    assert!(daemon.wait().success());
+    assert!(mapped.iter().all(|path| !path.exists()));
+}
+
+#[test]
+fn a_second_daemon_of_the_same_name_is_refused_in_one_line() {
+    let name = instance();
+    let _first = serve(&name);
+    let second = run(["serve".as_ref(), "--instance".as_ref(), name.as_ref(), "--model".as_ref(), model().as_os_str()]);
+    assert_eq!(second.status.code(), Some(1));
+    let message = text(&second.stderr);
+    assert!(message.lines().count() == 1 && message.contains(&name), "{message}");
+}
+
+/// A camera and a robot's process in one.
+struct Client {
+    producer: Producer,
+    subscriber: Subscriber,
+}
+
+impl Client {
+    fn new(name: &str) -> Self {
+        let instance = InstanceName::new(name).unwrap();
+        let subscriber = Subscriber::open_within(&instance, &SubscriberOptions { completion: true }, WAIT).unwrap();
+        Self { producer: Producer::open_within(&instance, &ObservationHeader::new(DIMS), WAIT).unwrap(), subscriber }
+    }
+
+    /// Sends one observation and waits for its percept.
+    fn ask(&self, fill: impl FnOnce(&mut ObservationHeader, &mut [u8])) -> Percept {
+        let mut loan = self.producer.loan().unwrap();
+        let mut header = *loan.header();
+        loan.voxels_mut().fill(0);
+        fill(&mut header, loan.voxels_mut());
+        *loan.header_mut() = header;
+        let sent = loan.send().unwrap();
+        let start = Instant::now();
+        loop {
+            if let Some(percept) = self.subscriber.take_percept().unwrap()
+                && percept.sequence == sent.sequence
+            {
+                return percept;
+            }
+            assert!(start.elapsed() < WAIT, "no answer");
+            self.subscriber.wait(Duration::from_millis(50)).unwrap();
+        }
+    }
+}
+
+/// A solid block seen from above.
+fn block(voxels: &mut [u8]) {
+    let n = RESOLUTION;
+    for column in 0..n * n {
+        if (3..n - 3).contains(&(column / n)) && (4..n - 4).contains(&(column % n)) {
+            voxels[column * n + 8] = 1;
+            voxels[column * n..column * n + 8].fill(255);
+        }
+    }
+}
+
+fn explanation(percept: &Percept) -> &str {
+    beo_ipc::text::from_field(&percept.explanation)
+}
+
+#[test]
+fn what_cannot_be_answered_is_refused_with_a_reason_and_the_next_is_answered() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let client = Client::new(&name);
+    let refused = |percept: Percept, status: PerceptStatus, reason: &str| {
+        assert_eq!(percept.status, status.code(), "{}", explanation(&percept));
+        assert!(explanation(&percept).contains(reason), "{}", explanation(&percept));
+        assert_eq!(percept.class_index, beo_ipc::NO_CLASS);
+    };
+    refused(client.ask(|_, voxels| voxels[77] = 9), PerceptStatus::BadVoxel, "voxel 77 is 9");
+    refused(client.ask(|header, _| header.dims = [30; 3]), PerceptStatus::BadDims, "30");
+    refused(client.ask(|header, _| header.orientation = [f64::NAN; 4]), PerceptStatus::BadHeader, "orientation");
+    refused(client.ask(|header, _| header.abi_version = 7), PerceptStatus::UnknownVersion, "7");
+    let yaw = |header: &mut ObservationHeader, _: &mut [u8]| header.pose_search = PoseSearch::Yaw.code();
+    refused(client.ask(yaw), PerceptStatus::PoseSearchNotSupported, "pose");
+
+    let percept = client.ask(|header, voxels| {
+        header.object_id = 42;
+        header.sensor_stamp_ns = 7;
+        block(voxels);
+    });
+    assert_eq!(percept.status, 0, "{}", explanation(&percept));
+    assert_eq!((percept.object_id, percept.sensor_stamp_ns, percept.producer_id), (42, 7, client.producer.id()));
+    let stamps =
+        [percept.capture_ns, percept.received_ns, percept.classified_ns, percept.posed_ns, percept.completed_ns, percept.published_ns];
+    assert!(stamps.windows(2).all(|pair| pair[0] <= pair[1]) && stamps[0] > 0, "{stamps:?}");
+    assert_eq!(percept.hypothesis_count, 1);
+    assert_eq!(percept.hypotheses[0].rotation_object_to_grid, [0.0, 0.0, 0.0, 1.0]);
+}
+
+#[test]
+fn completions_keep_what_was_seen_and_predict_the_rest() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let client = Client::new(&name);
+    let mut sent = vec![0; RESOLUTION.pow(3)];
+    block(&mut sent);
+    let percept = client.ask(|_, voxels| voxels.copy_from_slice(&sent));
+    assert_ne!(percept.tasks & tasks::COMPLETION, 0);
+    let completion = client.subscriber.take_completion().unwrap().expect("it was sent before its percept");
+    assert_eq!((completion.header().sequence, completion.header().class_index), (percept.sequence, percept.class_index));
+    let mut hidden = 0;
+    for (voxel, code) in sent.iter().enumerate() {
+        let (p, sd) = (completion.occupancy()[voxel], completion.deviation()[voxel]);
+        match code {
+            0 => assert_eq!((p, sd), (0, 0)),
+            1 => assert_eq!((p, sd), (255, 0)),
+            _ => hidden += usize::from(p > 0 && p < 255),
+        }
+    }
+    assert!(hidden > 0, "hidden voxels are probabilities");
+
+    let percept = client.ask(|header, voxels| {
+        header.tasks = tasks::CLASS;
+        block(voxels);
+    });
+    assert_eq!(percept.tasks & tasks::COMPLETION, 0);
+    assert!(client.subscriber.take_completion().unwrap().is_none(), "none was asked for");
+}
+
+#[test]
+fn an_observation_that_says_nothing_is_answered_by_the_prior() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let client = Client::new(&name);
+    for code in [255, 0] {
+        let percept = client.ask(|_, voxels| voxels.fill(code));
+        assert_eq!(percept.status, 0);
+        for p in &percept.posterior[..10] {
+            assert!((p - 0.1).abs() < 1e-6, "{:?}", &percept.posterior[..10]);
+        }
+        let completion = client.subscriber.take_completion().unwrap().unwrap();
+        let filled = completion.occupancy().iter().filter(|p| **p >= 128).count();
+        assert_eq!(filled == 0, code == 0, "nothing is filled where all is known to be empty: {filled}");
+    }
+}
+
+#[test]
+fn the_status_names_the_classes_and_counts() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let client = Client::new(&name);
+    client.ask(|_, voxels| block(voxels));
+    client.ask(|_, voxels| voxels[0] = 3);
+    let start = Instant::now();
+    let status = loop {
+        let status = client.subscriber.status().unwrap();
+        if let Some(status) = status.filter(|s| s.received == 2 && s.latency_p50_ns > 0) {
+            break status;
+        }
+        assert!(start.elapsed() < WAIT, "{status:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert_eq!((status.answered, status.refused, status.dropped), (1, 1, 0));
+    assert_eq!(status.class_names().collect::<Vec<_>>(), furniture::CLASSES);
+    assert_eq!((status.dims, status.model_id != 0, status.heartbeat_ns > 0), (DIMS, true, true));
+}

@@ -1,0 +1,60 @@
+//! Training by the program: what it reports, and that it always gives the same model.
+
+use crate::harness::{RESOLUTION, library, run, shape, text};
+
+#[test]
+fn the_same_shapes_and_seed_give_the_same_file_whatever_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let shapes = folder.path().join("shapes");
+    library(&shapes);
+    let train = |out: &str, threads: &str, seed: &str| {
+        let out = folder.path().join(out);
+        let (shapes, resolution) = (shapes.to_str().unwrap(), RESOLUTION.to_string());
+        let output = run([
+            "train",
+            shapes,
+            "--out",
+            out.to_str().unwrap(),
+            "--resolution",
+            &resolution,
+            "--least",
+            "5",
+            "--threads",
+            threads,
+            "--seed",
+            seed,
+        ]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        std::fs::read(out).unwrap()
+    };
+    let one = train("one.safetensors", "1", "0");
+    assert_eq!(one, train("three.safetensors", "3", "0"));
+    assert_ne!(one, train("other.safetensors", "2", "1"));
+}
+
+#[test]
+fn useless_files_are_named_and_counted_and_do_not_stop_the_training() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    library(root);
+    std::fs::write(root.join("chair/train/broken.off"), "no mesh").unwrap();
+    std::fs::copy(root.join("table/train/table-3.binvox"), root.join("table/train/twin.binvox")).unwrap();
+    let out = root.join("m.safetensors");
+    let resolution = RESOLUTION.to_string();
+    let train = || run(["train", root.to_str().unwrap(), "--out", out.to_str().unwrap(), "--resolution", &resolution, "--least", "5"]);
+    let output = train();
+    let message = text(&output.stderr);
+    assert!(output.status.success(), "{message}");
+    assert!(message.contains("chair/train/broken.off: unreadable"), "{message}");
+    assert!(message.contains("table/train/twin.binvox: the same shape as table/train/table-3.binvox"), "{message}");
+    assert!(message.contains("skipped 2 of 122 files: 1 unreadable, 0 empty or nearly so, 1 duplicates"), "{message}");
+
+    // A class with too few shapes is fatal.
+    let poor = root.join("lamp/train");
+    std::fs::create_dir_all(&poor).unwrap();
+    shape(&poor, "chair", 77);
+    let output = train();
+    assert_eq!(output.status.code(), Some(1));
+    let message = text(&output.stderr);
+    assert!(message.lines().last().unwrap().contains("lamp"), "{message}");
+}
