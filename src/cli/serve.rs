@@ -58,7 +58,10 @@ impl Serve {
         };
         let instance = match (self.instance, &configuration.instance) {
             (Some(instance), _) => instance,
-            (None, Some(name)) => InstanceName::new(name).map_err(|e| Failure::Failed(e.to_string()))?,
+            (None, Some(name)) => InstanceName::new(name).map_err(|e| {
+                let file = self.config.unwrap_or_default();
+                Failure::Failed(format!("{}: {e}", file.display()))
+            })?,
             (None, None) => InstanceName::default(),
         };
         let Some(path) = self.model.or(configuration.model) else {

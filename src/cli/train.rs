@@ -70,6 +70,7 @@ impl Train {
         let Some(views) = self.views.iter().map(|v| v.view()).collect::<Option<Vec<_>>>() else {
             return usage("--views none: a view must be simulated; use top".into());
         };
+        let read = self.mesh.read_options(dims)?;
         if self.out.is_dir() {
             return usage(format!("--out {}: this is a folder; name a file, such as model.safetensors", self.out.display()));
         }
@@ -78,7 +79,6 @@ impl Train {
             std::fs::create_dir_all(parent).map_err(cannot_write(parent))?;
         }
         let splits = if self.split.is_empty() { shapes::existing_splits(&self.dir, &["train", "validation"])? } else { self.split };
-        let read = self.mesh.read_options(dims)?;
         let start = Instant::now();
         let shapes = shapes::load(&self.dir, &splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES })?;
         let loaded = start.elapsed();

@@ -10,7 +10,7 @@ use crate::linear::LinearError;
 use crate::model::{
     Basis, Blend, Calibration, ClassInfo, ClassModel, CompletionCalibration, FORMAT_VERSION, HullDensity, Metadata, Model, Settings,
 };
-use crate::perception::completion::{Part, VoxelFeatures, for_each_unknown};
+use crate::perception::completion::{Part, Scratch, for_each_unknown};
 use crate::perception::{ClassSubspace, ColumnSums, Conditional, Density, Known};
 use crate::shapes::library::Shapes;
 use faer::{Mat, MatRef};
@@ -396,9 +396,8 @@ impl HeldOut {
                 let hidden: usize = query.unknown.iter().map(|(start, end)| end - start).sum();
                 let stride = hidden.div_ceil(COMPLETED_VOXELS);
                 let mut seen = 0;
-                for_each_unknown(data.dims, &query.unknown, |voxel, depth| {
+                for_each_unknown(&parts, &query.unknown, &mut Scratch::default(), |voxel, features| {
                     if seen % stride == 0 {
-                        let features = VoxelFeatures::of(&parts, voxel, depth);
                         voxels.push((features.regressors(), 1.0, truth.bits().contains(voxel)));
                     }
                     seen += 1;

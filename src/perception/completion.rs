@@ -1,8 +1,7 @@
 //! Completion: from the posteriors of the likely classes to one probability and one deviation per voxel (eq. 6 and the
 //! evidence's posterior mean).
 
-use super::subspace::{ClassSubspace, Conditional};
-use crate::grid::Dims;
+use super::subspace::{ClassSubspace, Conditional, Prediction};
 use crate::model::CompletionCalibration;
 
 /// A class that takes part in a completion.
@@ -37,20 +36,6 @@ pub struct VoxelFeatures {
 }
 
 impl VoxelFeatures {
-    /// The features of an unknown voxel.
-    pub fn of(parts: &[Part<'_>], voxel: usize, depth: usize) -> Self {
-        let (mut mean, mut second, mut within, mut class_mean) = (0.0, 0.0, 0.0, 0.0);
-        for part in parts {
-            let (m, v) = part.class.predict(part.conditional, voxel);
-            let m = m.clamp(0.0, 1.0);
-            mean += part.weight * m;
-            second += part.weight * m * m;
-            within += part.weight * v;
-            class_mean += part.weight * part.class.mean(voxel);
-        }
-        Self { mean, variance: within + (second - mean * mean).max(0.0), class_mean, depth }
-    }
-
     /// The regressors of the calibration, in the order of [`weights`].
     pub fn regressors(&self) -> [f32; 5] {
         let depth = self.depth as f32;
@@ -67,15 +52,44 @@ impl VoxelFeatures {
     }
 }
 
+/// Scratch memory for completing; one per task.
+#[derive(Default)]
+pub struct Scratch {
+    voxels: Vec<usize>,
+    depths: Vec<usize>,
+    predicted: Vec<(f32, f32)>,
+    features: Vec<VoxelFeatures>,
+    prediction: Prediction,
+}
+
+/// Calls `voxel(index, features)` for every unknown voxel. The runs are vertical stretches of unknown voxels.
+pub fn for_each_unknown(parts: &[Part<'_>], runs: &[(usize, usize)], scratch: &mut Scratch, mut voxel: impl FnMut(usize, &VoxelFeatures)) {
+    let Scratch { voxels, depths, predicted, features, prediction } = scratch;
+    voxels.clear();
+    depths.clear();
+    for &(start, end) in runs {
+        voxels.extend(start..end);
+        depths.extend((start..end).map(|index| end - index));
+    }
+    features.clear();
+    features.extend(depths.iter().map(|depth| VoxelFeatures { mean: 0.0, variance: 0.0, class_mean: 0.0, depth: *depth }));
+    for part in parts {
+        part.class.predict(part.conditional, voxels, prediction, predicted);
+        for ((feature, (mean, variance)), index) in features.iter_mut().zip(predicted.iter()).zip(voxels.iter()) {
+            let mean = mean.clamp(0.0, 1.0);
+            feature.mean += part.weight * mean;
+            // Second moment for now: the spread between the classes is what remains of it.
+            feature.variance += part.weight * (variance + mean * mean);
+            feature.class_mean += part.weight * part.class.mean(*index);
+        }
+    }
+    for (feature, index) in features.iter_mut().zip(voxels.iter()) {
+        feature.variance = (feature.variance - feature.mean * feature.mean).max(0.0);
+        voxel(*index, feature);
+    }
+}
+
 /// The weights of a calibration in the order of [`VoxelFeatures::regressors`].
 pub fn weights(c: &CompletionCalibration) -> [f32; 5] {
     [c.constant, c.mean, c.class_mean, c.log_depth, c.surface].map(|w| w as f32)
-}
-
-/// Calls `voxel(index, depth)` for every unknown voxel; the runs come bottom up.
-pub fn for_each_unknown(dims: Dims, runs: &[(usize, usize)], mut voxel: impl FnMut(usize, usize)) {
-    debug_assert!(runs.iter().all(|(s, e)| s / dims.z() == (e - 1) / dims.z()));
-    for &(start, end) in runs {
-        (start..end).for_each(|index| voxel(index, end - index));
-    }
 }

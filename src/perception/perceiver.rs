@@ -1,7 +1,7 @@
 //! One query in, one percept out.
 
 use super::blend::{Scores, softmax};
-use super::completion::{self, Part, VoxelFeatures, for_each_unknown};
+use super::completion::{self, Part, for_each_unknown};
 use super::paper;
 use super::subspace::{ClassSubspace, Conditional, Known};
 use super::{ColumnSums, Density, Method, Percept, Query};
@@ -16,6 +16,8 @@ use std::sync::{Arc, OnceLock};
 const LEAST_SHARE: f64 = 0.05;
 /// … and no more than this many do.
 const MOST_PARTS: usize = 3;
+/// Layers of constant x that one task completes.
+const SLAB: usize = 4;
 
 /// A model prepared for queries. Shared between threads; each brings its own [`Workspace`].
 pub struct Perceiver {
@@ -56,6 +58,7 @@ pub struct Workspace {
     centred: Vec<Vec<f32>>,
     scores: Scores,
     conditionals: Vec<Conditional>,
+    slabs: Vec<completion::Scratch>,
 }
 
 impl Perceiver {
@@ -91,6 +94,7 @@ impl Perceiver {
             centred: vec![vec![0.0; self.model.rank()]; m],
             scores: Scores::default(),
             conditionals: self.subspaces.iter().map(|s| Conditional::new(s.size())).collect(),
+            slabs: (0..dims.x().div_ceil(SLAB)).map(|_| completion::Scratch::default()).collect(),
         }
     }
 
@@ -175,7 +179,7 @@ impl Perceiver {
             Method::Paper => self.complete_as_the_paper(query, work, percept),
             Method::Mean => {
                 let class = &self.subspaces[percept.class];
-                complete_plainly(dims, &work.unknown_runs, percept, |voxel| class.mean(voxel));
+                complete_plainly(&work.unknown_runs, percept, |voxel| class.mean(voxel));
                 Ok(())
             }
             _ => self.complete_by_evidence(work, percept),
@@ -237,7 +241,7 @@ impl Perceiver {
         let basis = &self.model.basis;
         let mut row = vec![0.0; basis.rank()];
         let projected = &work.projected;
-        complete_plainly(self.model.dims(), &work.unknown_runs, percept, |voxel| {
+        complete_plainly(&work.unknown_runs, percept, |voxel| {
             basis.widen(voxel..voxel + 1, &mut row);
             super::density::dot(&row, projected)
         });
@@ -269,18 +273,16 @@ impl Perceiver {
         let weights = completion::weights(&self.model.metadata.calibration.completion);
         let dims = self.model.dims();
         // One slab of columns per task: which thread takes it does not change the result.
-        let slab = dims.y() * dims.z();
-        percept.occupancy.par_chunks_mut(slab).zip(percept.deviation.par_chunks_mut(slab)).enumerate().for_each(
-            |(i, (occupancy, deviation))| {
-                let first = work.unknown_runs.partition_point(|run| run.0 < i * slab);
-                let last = work.unknown_runs.partition_point(|run| run.0 < (i + 1) * slab);
-                for_each_unknown(dims, &work.unknown_runs[first..last], |voxel, depth| {
-                    let (p, sd) = VoxelFeatures::of(&parts, voxel, depth).probability(&weights);
-                    occupancy[voxel - i * slab] = p;
-                    deviation[voxel - i * slab] = sd;
-                });
-            },
-        );
+        let slab = dims.y() * dims.z() * SLAB;
+        let runs = &work.unknown_runs;
+        let slabs = percept.occupancy.par_chunks_mut(slab).zip(percept.deviation.par_chunks_mut(slab)).zip(&mut work.slabs);
+        slabs.enumerate().for_each(|(i, ((occupancy, deviation), scratch))| {
+            let first = runs.partition_point(|run| run.0 < i * slab);
+            let last = runs.partition_point(|run| run.0 < (i + 1) * slab);
+            for_each_unknown(&parts, &runs[first..last], scratch, |voxel, features| {
+                (occupancy[voxel - i * slab], deviation[voxel - i * slab]) = features.probability(&weights);
+            });
+        });
         Ok(())
     }
 }
@@ -315,12 +317,12 @@ fn mask_tail(bits: &mut FixedBitSet) {
 }
 
 /// Completion without a model of uncertainty: the value clamped to \[0, 1\], and the deviation of a coin with that bias.
-fn complete_plainly(dims: Dims, runs: &[(usize, usize)], percept: &mut Percept, mut value: impl FnMut(usize) -> f32) {
-    for_each_unknown(dims, runs, |voxel, _| {
+fn complete_plainly(runs: &[(usize, usize)], percept: &mut Percept, mut value: impl FnMut(usize) -> f32) {
+    for voxel in runs.iter().flat_map(|(start, end)| *start..*end) {
         let p = value(voxel).clamp(0.0, 1.0);
         percept.occupancy[voxel] = p;
         percept.deviation[voxel] = (p * (1.0 - p)).sqrt();
-    });
+    }
 }
 
 fn most_probable(posterior: &[f64]) -> usize {

@@ -8,7 +8,8 @@
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky};
 use crate::model::{Basis, ClassModel};
-use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::matmul::matmul;
+use faer::reborrow::ReborrowMut;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
@@ -86,7 +87,7 @@ impl ClassSubspace {
                 basis.widen(block * BLOCK..block * BLOCK + count, &mut wide);
                 let wide = MatRef::from_column_major_slice(&wide, a, count);
                 let mut product = Mat::<f32>::zeros(k + 1, count);
-                faer::linalg::matmul::matmul(product.as_mut(), Accum::Replace, transform.transpose(), wide, 1.0, Par::Seq);
+                matmul(product.as_mut(), Accum::Replace, transform.transpose(), wide, 1.0, Par::Seq);
                 for (v, row) in rows.chunks_exact_mut(width).enumerate() {
                     row[..=k].copy_from_slice(product.col_as_slice(v));
                 }
@@ -217,34 +218,49 @@ impl ClassSubspace {
         }
     }
 
-    /// Posterior mean and variance of one voxel's latent occupancy, after [`Self::prepare`]. The noise is not included.
-    pub fn predict(&self, conditional: &Conditional, voxel: usize) -> (f32, f32) {
+    /// Posterior mean and variance of the latent occupancy of `voxels`, after [`Self::prepare`]; the noise is not included.
+    ///
+    /// `out` receives one (mean, variance) per voxel.
+    pub fn predict(&self, conditional: &Conditional, voxels: &[usize], scratch: &mut Prediction, out: &mut Vec<(f32, f32)>) {
         let k = self.size;
-        let row = self.row(voxel);
-        let mean = row[k] + super::density::dot(&row[..k], &conditional.coefficients);
-        let variance = (0..k).map(|i| super::density::dot(&conditional.spread[i * k..i * k + i + 1], &row[..=i]).powi(2)).sum();
-        (mean, variance)
+        out.clear();
+        for block in voxels.chunks(PREDICTED) {
+            scratch.rows.clear();
+            block.iter().for_each(|voxel| scratch.rows.extend_from_slice(&self.row(*voxel)[..k]));
+            scratch.product.resize(block.len() * k, 0.0);
+            let rows = MatRef::from_column_major_slice(&scratch.rows, k, block.len());
+            let spread = MatRef::from_row_major_slice(&conditional.spread, k, k);
+            let mut product = MatMut::from_column_major_slice_mut(&mut scratch.product, k, block.len());
+            matmul(product.rb_mut(), Accum::Replace, spread, rows, 1.0, Par::Seq);
+            let products = scratch.product.chunks_exact(k.max(1));
+            for ((voxel, row), product) in block.iter().zip(scratch.rows.chunks_exact(k.max(1))).zip(products) {
+                let mean = self.mean(*voxel) + super::density::dot(row, &conditional.coefficients);
+                out.push((mean, super::density::dot(product, product)));
+            }
+            if k == 0 {
+                out.extend(block.iter().map(|voxel| (self.mean(*voxel), 0.0)));
+            }
+        }
     }
+}
+
+/// Voxels predicted at once.
+const PREDICTED: usize = 512;
+
+/// Scratch memory of [`ClassSubspace::predict`].
+#[derive(Default)]
+pub struct Prediction {
+    rows: Vec<f32>,
+    product: Vec<f32>,
 }
 
 /// Most values in a row: the largest class basis and two more.
 const MAX_WIDTH: usize = 256;
 
-/// Lower half of rowsᵀ rows.
+/// Rowsᵀ rows. The full product, though half would do: at these widths it is faster than a triangular one.
 fn add_gram(product: &mut Mat<f32>, rows: &[f32], width: usize, accumulate: Accum) {
     let rows = MatRef::from_column_major_slice(rows, width, rows.len() / width);
-    let product: MatMut<'_, f32> = product.as_mut();
-    triangular::matmul(
-        product,
-        BlockStructure::TriangularLower,
-        accumulate,
-        rows,
-        BlockStructure::Rectangular,
-        rows.transpose(),
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
+    matmul(product.as_mut(), accumulate, rows, rows.transpose(), 1.0, Par::Seq);
 }
 
 #[cfg(test)]
@@ -294,7 +310,9 @@ mod tests {
             let cross: Vec<f64> = known.iter().map(|v| covariance(voxel, *v)).collect();
             let mean = voxel_mean(voxel) + cross.iter().zip(&weighted).map(|(c, w)| c * w).sum::<f64>();
             let explained: f64 = (0..n).map(|i| (0..n).map(|j| cross[i] * precision[(i, j)] * cross[j]).sum::<f64>()).sum();
-            let (m, v) = subspace.predict(&conditional, voxel);
+            let mut predicted = Vec::new();
+            subspace.predict(&conditional, &[voxel], &mut Prediction::default(), &mut predicted);
+            let (m, v) = predicted[0];
             assert!((f64::from(m) - mean).abs() < 1e-3, "{m} {mean}");
             assert!((f64::from(v) - (covariance(voxel, voxel) - explained)).abs() < 1e-3, "{v}");
         }

@@ -41,7 +41,7 @@ fn wrong_usage_is_exit_code_2() {
     fails(&["observe", "f.npy", "--rate", "nan"], 2, &["--rate"]);
     fails(&["watch", "--wait", "-1"], 2, &["--wait"]);
     fails(&["serve"], 2, &["--model"]);
-    fails(&["serve", "--model", "m", "--instance", "a/b"], 2, &["a/b"]);
+    fails(&["serve", "--model", "m", "--instance", "a/b"], 2, &["a/b", "use letters"]);
 }
 
 #[test]
@@ -135,6 +135,6 @@ fn settings_come_from_a_file_and_flags_override_it() {
     std::fs::write(&path, "modle = 'x'").unwrap();
     fails(&["serve", "--config", file], 1, &["modle", "known settings"]);
     std::fs::write(&path, "model = 'absent.safetensors'\ninstance = 'a/b'").unwrap();
-    fails(&["serve", "--config", file], 1, &["a/b"]);
+    fails(&["serve", "--config", file], 1, &["beo.toml", "'/'"]);
     fails(&["serve", "--config", file, "--instance", "fine"], 1, &["absent.safetensors"]);
 }
