@@ -5,7 +5,7 @@ use super::shapes::{self, MeshArguments, ViewArgument};
 use super::{failure::cannot_write, progress};
 use crate::grid::Dims;
 use crate::learning::{FEWEST_SHAPES, Step, TrainOptions, train};
-use crate::model::save;
+use crate::model::{MOST_COMPONENTS, save};
 use crate::shapes::library::LoadOptions;
 use clap::Args;
 use std::path::PathBuf;
@@ -61,8 +61,8 @@ impl Train {
         if !(self.variance > 0.0 && self.variance <= 1.0) {
             return usage(format!("--variance {}: a share lies above 0 and up to 1", self.variance));
         }
-        if self.least == 0 || self.least > self.most || self.most > 250 {
-            return usage(format!("--least {} --most {}: use 1 ≤ least ≤ most ≤ 250", self.least, self.most));
+        if self.least == 0 || self.least > self.most || self.most > MOST_COMPONENTS {
+            return usage(format!("--least {} --most {}: use 1 ≤ least ≤ most ≤ {MOST_COMPONENTS}", self.least, self.most));
         }
         if !(2..=FEWEST_SHAPES).contains(&self.folds) {
             return usage(format!("--folds {}: use 2 to {FEWEST_SHAPES}", self.folds));

@@ -141,9 +141,18 @@ fn centre(row: &[f64]) -> Vec<f64> {
     row.iter().map(|v| v - mean).collect()
 }
 
+/// A calibration of hidden voxels.
+#[derive(Clone, Copy, Debug)]
+pub struct FittedVoxels {
+    /// Weight of each regressor.
+    pub weights: [f64; 5],
+    /// Weighted mean of the negative log probability of what is there.
+    pub log_loss: f64,
+}
+
 /// Fits P(filled) = logistic(xᵀw) to voxels with regressors x, weight and truth.
-pub fn fit_voxels(voxels: &[([f32; 5], f32, bool)]) -> Result<[f64; 5], LinearError> {
-    let solution = Newton { ridge: vec![1e-6; 5] }.minimise(|w| {
+pub fn fit_voxels(voxels: &[([f32; 5], f32, bool)]) -> Result<FittedVoxels, LinearError> {
+    let loss = |w: &[f64]| {
         let (mut loss, mut gradient, mut hessian) = (0.0, vec![0.0; 5], Mat::<f64>::zeros(5, 5));
         for (x, weight, filled) in voxels {
             let x = x.map(f64::from);
@@ -160,8 +169,9 @@ pub fn fit_voxels(voxels: &[([f32; 5], f32, bool)]) -> Result<[f64; 5], LinearEr
             }
         }
         (loss, gradient, hessian)
-    })?;
-    Ok(std::array::from_fn(|i| solution[i]))
+    };
+    let solution = Newton { ridge: vec![1e-6; 5] }.minimise(loss)?;
+    Ok(FittedVoxels { weights: std::array::from_fn(|i| solution[i]), log_loss: loss(&solution).0 })
 }
 
 #[cfg(test)]
@@ -218,7 +228,7 @@ mod tests {
                 (x, 1.0 / 40_000.0, rng.random_range(0.0..1.0) < 1.0 / (1.0 + (-t).exp()))
             })
             .collect();
-        let fitted = fit_voxels(&voxels).unwrap();
+        let fitted = fit_voxels(&voxels).unwrap().weights;
         for (value, expected) in fitted.iter().zip(truth) {
             assert!((value - expected).abs() < 0.05, "{fitted:?}");
         }

@@ -1,7 +1,7 @@
 //! The training driver: one fit on all shapes, and fits on folds from whose held-out objects the calibration is learned.
 
 use super::basis::{ClassBasis, shared_basis};
-use super::calibration::{Fitted, fit_blend, fit_voxels};
+use super::calibration::{Fitted, FittedVoxels, fit_blend, fit_voxels};
 use super::gram::overlaps;
 use super::hull_density::HullMoments;
 use super::shrinkage::{centre, shrunk_covariance};
@@ -103,11 +103,11 @@ pub struct Step {
 const STRENGTHS: [f64; 4] = [100.0, 300.0, 900.0, 2700.0];
 const FREEDOMS: [f64; 4] = [60.0, 200.0, 600.0, 2000.0];
 /// Factors on the noise variance, among which held-out objects choose.
-const INFLATIONS: [f64; 4] = [1.0, 4.0, 16.0, 64.0];
+const INFLATIONS: [f64; 3] = [4.0, 16.0, 64.0];
 /// Held-out objects per model whose evidence is computed; the cheap scores use all.
 const EVIDENCE_OBJECTS: usize = 900;
 /// Of these, objects whose hidden voxels calibrate the completion, and voxels of each.
-const COMPLETED_OBJECTS: usize = 450;
+const COMPLETED_OBJECTS: usize = 300;
 const COMPLETED_VOXELS: usize = 400;
 
 /// Learns a model. The same shapes and options give the same model, whatever the number of threads.
@@ -328,12 +328,12 @@ struct HeldOut {
     evidence: Vec<Vec<Vec<f64>>>,
     /// … and the distance to the class means.
     distance: Vec<Vec<f64>>,
-    /// Regressors, weight and truth of hidden voxels.
-    voxels: Vec<([f32; 5], f32, bool)>,
+    /// For each inflation: regressors, weight and truth of hidden voxels.
+    voxels: Vec<Vec<Voxel>>,
 }
 
-/// The inflation at which completions are calibrated: the choice hardly matters between 4 and 64.
-const COMPLETION_INFLATION: usize = 2;
+/// Regressors, weight and truth of one hidden voxel.
+type Voxel = ([f32; 5], f32, bool);
 
 impl HeldOut {
     fn measure(data: &Data<'_>, fold: &Fold, options: &TrainOptions) -> Result<Self, TrainError> {
@@ -371,13 +371,14 @@ impl HeldOut {
             let chosen = sample(&sampled.iter().map(|p| labels[*p]).collect::<Vec<_>>(), data.classes.len(), most_completed);
             (0..sampled.len()).map(|p| chosen.binary_search(&p).is_ok()).collect()
         };
-        type Measured = (Vec<Vec<f64>>, Vec<f64>, Vec<([f32; 5], f32, bool)>);
+        type Measured = (Vec<Vec<f64>>, Vec<f64>, Vec<Vec<Voxel>>);
         let measure = |(position, completed): (&usize, &bool)| -> Result<Measured, LinearError> {
             let truth = object(*position);
             let observation = view.of(truth);
             let query = KnownOf::new(&observation);
             let known = Known { unknown: &query.unknown, filled: &query.filled };
-            let (mut evidence, mut distance, mut voxels) = (vec![Vec::new(); INFLATIONS.len()], Vec::new(), Vec::new());
+            let (mut evidence, mut distance, mut voxels) =
+                (vec![Vec::new(); INFLATIONS.len()], Vec::new(), vec![Vec::new(); INFLATIONS.len()]);
             let mut conditionals: Vec<Conditional> = subspaces.iter().map(|s| Conditional::new(s.size())).collect();
             for (class, conditional) in subspaces.iter().zip(&mut conditionals) {
                 class.gather(&known, conditional);
@@ -390,27 +391,28 @@ impl HeldOut {
             if *completed && !query.unknown.is_empty() {
                 // The class is taken as known here: the calibration then speaks of the shape, not of the classifier.
                 let s = labels[*position];
-                subspaces[s].solve(fit.noise * INFLATIONS[COMPLETION_INFLATION], &mut conditionals[s])?;
-                subspaces[s].prepare(&mut conditionals[s]);
-                let parts = [Part { weight: 1.0, class: &subspaces[s], conditional: &conditionals[s] }];
                 let hidden: usize = query.unknown.iter().map(|(start, end)| end - start).sum();
                 let stride = hidden.div_ceil(COMPLETED_VOXELS);
-                let mut seen = 0;
-                for_each_unknown(&parts, &query.unknown, &mut Scratch::default(), |voxel, features| {
-                    if seen % stride == 0 {
-                        voxels.push((features.regressors(), 1.0, truth.bits().contains(voxel)));
-                    }
-                    seen += 1;
-                });
-                let weight = 1.0 / (voxels.len().max(1) * COMPLETED_OBJECTS) as f32;
-                voxels.iter_mut().for_each(|v| v.1 = weight);
+                let weight = 1.0 / (hidden.div_ceil(stride) * COMPLETED_OBJECTS) as f32;
+                for (inflation, voxels) in INFLATIONS.iter().zip(&mut voxels) {
+                    subspaces[s].solve(fit.noise * inflation, &mut conditionals[s])?;
+                    subspaces[s].prepare(&mut conditionals[s]);
+                    let parts = [Part { weight: 1.0, class: &subspaces[s], conditional: &conditionals[s] }];
+                    let mut seen = 0;
+                    for_each_unknown(&parts, &query.unknown, &mut Scratch::default(), |voxel, features| {
+                        if seen % stride == 0 {
+                            voxels.push((features.regressors(), weight, truth.bits().contains(voxel)));
+                        }
+                        seen += 1;
+                    });
+                }
             }
             Ok((evidence, distance, voxels))
         };
         let measured: Vec<Measured> = sampled.par_iter().zip(&completed).map(measure).collect::<Result<_, _>>()?;
         let evidence = (0..INFLATIONS.len()).map(|i| measured.iter().map(|m| m.0[i].clone()).collect()).collect();
         let distance = measured.iter().map(|m| m.1.clone()).collect();
-        let voxels = measured.into_iter().flat_map(|m| m.2).collect();
+        let voxels = (0..INFLATIONS.len()).map(|i| measured.iter().flat_map(|m| m.2[i].iter().copied()).collect()).collect();
         Ok(Self { labels, hull, rank, sampled, evidence, distance, voxels })
     }
 
@@ -475,32 +477,36 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
 
     let labels: Vec<usize> = held_out.iter().flat_map(|h| h.sampled.iter().map(|p| h.labels[*p])).collect();
     let of_sample = |scores: &dyn Fn(&HeldOut) -> Vec<Vec<f64>>| -> Vec<Vec<f64>> { held_out.iter().flat_map(scores).collect() };
+    // What the hull says, calibrated on all held-out objects; the evidence, known for a sample of them, is blended into that.
     let sampled_hull = of_sample(&|h| {
         let scores = h.hull_scores(strength, freedom);
-        h.sampled.iter().map(|p| scores[*p].clone()).collect()
+        let calibrated = |row: &Vec<f64>| row.iter().zip(&hull.offsets).map(|(v, o)| hull.weights[0] * v + o).collect();
+        h.sampled.iter().map(|p| calibrated(&scores[*p])).collect()
     });
-    let mut best: Option<(usize, Fitted, Vec<Vec<f64>>)> = None;
+    // One inflation for class and completion, from one factorisation: the class hardly minds, the hidden voxels choose.
+    let mut best: Option<(usize, FittedVoxels)> = None;
     for (inflation, factor) in INFLATIONS.iter().enumerate() {
-        let evidence = of_sample(&|h| h.evidence[inflation].clone());
-        let fitted = fit_blend(&[sampled_hull.clone(), evidence.clone()], &labels, classes, true)?;
-        tracing::debug!(
-            inflation = factor,
-            log_loss = fitted.log_loss,
-            accuracy = fitted.accuracy,
-            weight = fitted.weights[1] / fitted.weights[0],
-            "hull density and evidence on held-out objects"
-        );
-        if best.as_ref().is_none_or(|(_, other, _)| fitted.log_loss < other.log_loss) {
-            best = Some((inflation, fitted, evidence));
+        let voxels: Vec<Voxel> = held_out.iter().flat_map(|h| h.voxels[inflation].iter().copied()).collect();
+        let fitted = fit_voxels(&voxels)?;
+        tracing::debug!(inflation = factor, log_loss = fitted.log_loss, "hidden voxels of held-out objects");
+        if best.as_ref().is_none_or(|(_, other)| fitted.log_loss < other.log_loss) {
+            best = Some((inflation, fitted));
         }
     }
-    let (inflation, auto, evidence) = best.expect("there are candidates");
+    let (inflation, completion) = best.expect("there are candidates");
+    let w = completion.weights;
+    let evidence = of_sample(&|h| h.evidence[inflation].clone());
+    let auto = fit_blend(&[sampled_hull, evidence.clone()], &labels, classes, false)?;
+    tracing::debug!(log_loss = auto.log_loss, accuracy = auto.accuracy, weights = ?auto.weights, "hull density and evidence");
     let alone = fit_blend(std::slice::from_ref(&evidence), &labels, classes, false)?;
     let distance = fit_blend(&[of_sample(&|h| h.distance.clone())], &labels, classes, false)?;
 
-    let voxels: Vec<_> = held_out.iter().flat_map(|h| h.voxels.iter().copied()).collect();
-    let w = fit_voxels(&voxels)?;
-    let auto_blend = Blend { hull: auto.weights[0], evidence: auto.weights[1], distance: 0.0, offsets: auto.offsets };
+    let auto_blend = Blend {
+        hull: auto.weights[0] * hull.weights[0],
+        evidence: auto.weights[1],
+        distance: 0.0,
+        offsets: hull.offsets.iter().map(|offset| auto.weights[0] * offset).collect(),
+    };
     Ok(Calibration {
         degrees_of_freedom: freedom,
         prior_strength: STRENGTHS[strength],

@@ -1,6 +1,7 @@
 //! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
 
-use super::{Basis, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, mapping};
+use super::{Basis, ClassModel, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, mapping};
+use crate::shapes::library::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use half::f16;
 use memmap2::Mmap;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -149,9 +150,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
     if m == 0 || rank == 0 {
         return Err(file.invalid("it has no class or no basis"));
     }
-    if metadata.calibration.auto.offsets.len() != m {
-        return Err(file.invalid("its calibration is for another number of classes"));
-    }
+    check_metadata(metadata).map_err(|reason| file.invalid(reason))?;
     file.expect(&basis, "basis", Dtype::F16, &[d, rank])?;
     if basis.data().len() < CHECKED_AT_LOAD {
         file.check("basis", basis.data())?;
@@ -164,6 +163,9 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
     let covariance = file.floats(&tensors, "class_covariance", &[m, rank, rank])?;
     let directions = file.floats(&tensors, "class_directions", &[total, rank])?;
     let variances = file.doubles(&tensors, "class_variances", &[total])?;
+    if !variances.iter().all(|v| *v > 0.0 && v.is_finite()) {
+        return Err(file.invalid("a variance of a class is not a positive number"));
+    }
     let mut hulls = Vec::new();
     for view in &metadata.settings.views {
         hulls.push((
@@ -194,6 +196,30 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
         .collect();
     let id = u64::from(file.header.checksum) << 32 | u64::from(file.header.checksums.get("basis").copied().unwrap_or(0));
     Ok(Model { id, metadata: file.header.metadata, basis, classes })
+}
+
+/// What a file that was written by `save` always satisfies, and a hand-made one may not.
+fn check_metadata(metadata: &Metadata) -> Result<(), String> {
+    let m = metadata.classes.len();
+    let calibration = &metadata.calibration;
+    let blends = [&calibration.auto, &calibration.hull, &calibration.evidence, &calibration.mean];
+    if blends.iter().any(|blend| blend.offsets.len() != m) {
+        return Err("its calibration is for another number of classes".into());
+    }
+    if m > MOST_CLASSES {
+        return Err(format!("it has {m} classes, more than the {MOST_CLASSES} that a percept can name"));
+    }
+    if let Some(class) = metadata.classes.iter().find(|c| c.name.len() > LONGEST_CLASS_NAME || c.basis_size > MOST_COMPONENTS) {
+        return Err(format!("class `{}` has too long a name or more than {MOST_COMPONENTS} components", class.name));
+    }
+    if metadata.settings.views.is_empty() {
+        return Err("it was trained for no view".into());
+    }
+    let positive = [metadata.noise_variance, calibration.noise_inflation, calibration.degrees_of_freedom];
+    if !positive.iter().all(|v| *v > 0.0 && v.is_finite()) {
+        return Err("its noise variance, noise inflation or degrees of freedom is not a positive number".into());
+    }
+    Ok(())
 }
 
 /// A mapped file whose header has been checked.

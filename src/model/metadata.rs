@@ -63,7 +63,7 @@ pub struct Settings {
     pub folds: usize,
 }
 
-/// A blend of class scores: log posterior ∝ Σ_j weight_j score_j + offset_s + log prior_s.
+/// A blend of class scores: log posterior = Σ_j weight_j score_j + offset_s + log prior_s + constant.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Blend {
     /// Weight of the hull's log density.
@@ -97,7 +97,7 @@ pub struct Calibration {
     pub completion: CompletionCalibration,
     /// Held-out objects that the fit used.
     pub objects: usize,
-    /// Accuracy of the default method on them.
+    /// Accuracy of the default method on them, classes weighted alike; a little optimistic, as the blend was fitted to them.
     pub accuracy: f64,
     /// Mean negative log posterior of the true class on them, in nats.
     pub log_loss: f64,

@@ -14,6 +14,9 @@ pub use metadata::{Blend, Calibration, ClassInfo, CompletionCalibration, FORMAT_
 
 use crate::grid::{Dims, View};
 
+/// Most components of a class basis.
+pub const MOST_COMPONENTS: usize = 250;
+
 /// Everything learned of one class, in coordinates of the shared basis. a is the rank of W', k_s the size of the class basis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClassModel {

@@ -9,7 +9,8 @@ pub enum Method {
     /// The calibrated blend of hull density and evidence; completion by evidence. Use this.
     #[default]
     Auto,
-    /// Class density of the visual hull's projection alone. Use it to see what the silhouette says.
+    /// Class density of the visual hull's projection alone. Use it to see what the silhouette says, and only for views that the
+    /// model was trained for: it takes any other observation for the model's first view.
     Hull,
     /// Marginal likelihood of the known voxels in each class's own basis. Use it for views the model was not trained for.
     Evidence,

@@ -35,18 +35,28 @@ const MOST_SWEEPS: usize = 100;
 /// Voxels whose products are formed at once.
 const BLOCK: usize = 1024;
 
-/// A = W'ᵀVᵀV W' (eq. 16), lower half, and b = W'ᵀVᵀw (eq. 17). As W' is orthonormal, A = I − Σ w wᵀ over unknown voxels.
-pub fn normal_equations(basis: &Basis, known: &Known<'_>) -> (Mat<f64>, Vec<f64>) {
+/// W'ᵀW' over all voxels, lower half: the identity, but for the rounding of W' to half precision.
+pub fn full_gram(basis: &Basis) -> Mat<f64> {
+    let everything: Vec<(usize, usize)> =
+        (0..basis.voxels()).step_by(BLOCK).map(|start| (start, (start + BLOCK).min(basis.voxels()))).collect();
+    gram_over(basis, &everything)
+}
+
+/// Σ w wᵀ over runs of at most `BLOCK` voxels, lower half; single precision inside a block, double between blocks.
+fn gram_over(basis: &Basis, runs: &[(usize, usize)]) -> Mat<f64> {
     let a = basis.rank();
-    let mut sum = Mat::<f32>::zeros(a, a);
+    let (mut sum, mut part) = (Mat::<f64>::zeros(a, a), Mat::<f32>::zeros(a, a));
     let mut rows = vec![0.0_f32; BLOCK * a];
     let mut held = 0;
     let mut flush = |rows: &[f32]| {
         let rows = MatRef::from_column_major_slice(rows, a, rows.len() / a);
         let (full, lower) = (BlockStructure::Rectangular, BlockStructure::TriangularLower);
-        triangular::matmul(sum.as_mut(), lower, Accum::Add, rows, full, rows.transpose(), full, 1.0, Par::Seq);
+        triangular::matmul(part.as_mut(), lower, Accum::Replace, rows, full, rows.transpose(), full, 1.0, Par::Seq);
+        for j in 0..a {
+            (j..a).for_each(|i| sum[(i, j)] += f64::from(part[(i, j)]));
+        }
     };
-    for &(start, end) in known.unknown {
+    for &(start, end) in runs {
         if held + (end - start) > BLOCK {
             flush(&rows[..held * a]);
             held = 0;
@@ -54,13 +64,17 @@ pub fn normal_equations(basis: &Basis, known: &Known<'_>) -> (Mat<f64>, Vec<f64>
         basis.widen(start..end, &mut rows[held * a..(held + end - start) * a]);
         held += end - start;
     }
-    flush(&rows[..held * a]);
+    if held > 0 {
+        flush(&rows[..held * a]);
+    }
+    sum
+}
 
-    let gram = Mat::from_fn(a, a, |i, j| match i.cmp(&j) {
-        std::cmp::Ordering::Less => 0.0,
-        std::cmp::Ordering::Equal => 1.0 - f64::from(sum[(i, j)]),
-        std::cmp::Ordering::Greater => -f64::from(sum[(i, j)]),
-    });
+/// A = W'ᵀVᵀV W' (eq. 16), lower half, and b = W'ᵀVᵀw (eq. 17). `full` is [`full_gram`], from which the unknown voxels are
+/// taken away: with the identity instead, the rounding of W' shows in the ill-conditioned directions of A.
+pub fn normal_equations(basis: &Basis, full: &Mat<f64>, known: &Known<'_>) -> (Mat<f64>, Vec<f64>) {
+    let a = basis.rank();
+    let gram = full - gram_over(basis, known.unknown);
     let mut b = vec![0.0; a];
     let mut row = vec![0.0_f32; a];
     for &voxel in known.filled {
@@ -170,7 +184,7 @@ mod tests {
         let unknown: Vec<(usize, usize)> = (0..64).map(|c| (c * 8, c * 8 + c % 9)).filter(|(s, e)| s < e).collect();
         let is_unknown = |v: usize| unknown.iter().any(|&(s, e)| (s..e).contains(&v));
         let filled: Vec<usize> = (0..d).filter(|&v| !is_unknown(v) && v % 3 == 0).collect();
-        let (gram, b) = normal_equations(&basis, &Known { unknown: &unknown, filled: &filled });
+        let (gram, b) = normal_equations(&basis, &full_gram(&basis), &Known { unknown: &unknown, filled: &filled });
         for i in 0..a {
             for j in 0..=i {
                 let expected = if i == j { (0..d).filter(|v| v % a == i && !is_unknown(*v)).count() as f64 / 128.0 } else { 0.0 };

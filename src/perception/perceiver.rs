@@ -28,6 +28,8 @@ pub struct Perceiver {
     subspaces: Vec<ClassSubspace>,
     /// Densities of complete objects (the paper's), made on first use.
     complete: OnceLock<Vec<Density>>,
+    /// Gram matrix of W' (the paper's method), made on first use.
+    gram: OnceLock<faer::Mat<f64>>,
     noise: f64,
 }
 
@@ -70,7 +72,15 @@ impl Perceiver {
             .collect::<Result<_, _>>()?;
         let subspaces = model.classes.iter().map(|class| ClassSubspace::new(dims, &model.basis, class)).collect();
         let noise = model.metadata.noise_variance * model.metadata.calibration.noise_inflation;
-        Ok(Self { sums: ColumnSums::new(dims, &model.basis), hulls, subspaces, complete: OnceLock::new(), noise, model })
+        Ok(Self {
+            sums: ColumnSums::new(dims, &model.basis),
+            hulls,
+            subspaces,
+            complete: OnceLock::new(),
+            gram: OnceLock::new(),
+            noise,
+            model,
+        })
     }
 
     /// The model.
@@ -228,7 +238,7 @@ impl Perceiver {
     /// o'_q (eq. 18), into `work.projected`.
     fn project_as_the_paper(&self, query: &Query, work: &mut Workspace) -> Result<(), LinearError> {
         let known = Known { unknown: &work.unknown_runs, filled: &work.filled };
-        let (gram, b) = paper::normal_equations(&self.model.basis, &known);
+        let (gram, b) = paper::normal_equations(&self.model.basis, self.gram.get_or_init(|| paper::full_gram(&self.model.basis)), &known);
         let solution = paper::solve(&gram, &b, query.projection)?;
         work.projected.iter_mut().zip(solution).for_each(|(out, v)| *out = v as f32);
         Ok(())

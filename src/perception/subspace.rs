@@ -7,7 +7,7 @@
 
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky};
-use crate::model::{Basis, ClassModel};
+use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
 use faer::linalg::matmul::matmul;
 use faer::reborrow::ReborrowMut;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
@@ -255,7 +255,7 @@ pub struct Prediction {
 }
 
 /// Most values in a row: the largest class basis and two more.
-const MAX_WIDTH: usize = 256;
+const MAX_WIDTH: usize = MOST_COMPONENTS + 2;
 
 /// Rowsᵀ rows. The full product, though half would do: at these widths it is faster than a triangular one.
 fn add_gram(product: &mut Mat<f32>, rows: &[f32], width: usize, accumulate: Accum) {

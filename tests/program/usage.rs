@@ -39,7 +39,7 @@ fn wrong_usage_is_exit_code_2() {
     fails(&["train", "DIR", "--out", "m", "--variance", "0"], 2, &["variance"]);
     fails(&["observe", "f.npy", "--rate", "0"], 2, &["--rate 0"]);
     fails(&["observe", "f.npy", "--rate", "nan"], 2, &["--rate"]);
-    fails(&["watch", "--wait", "-1"], 2, &["--wait"]);
+    fails(&["watch", "--wait=-1"], 2, &["--wait"]);
     fails(&["serve"], 2, &["--model"]);
     fails(&["serve", "--model", "m", "--instance", "a/b"], 2, &["a/b", "use letters"]);
 }
