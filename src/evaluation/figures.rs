@@ -84,7 +84,7 @@ pub fn accuracy(evaluations: &[Evaluation]) -> Image {
     }
     categories.push("all".to_owned());
     let title = format!("Accuracy by class, {} queries", first.queries);
-    let width = (110 + categories.len() * (24 + 32 * series.len())).clamp(480, 2400);
+    let width = (110 + categories.len() * (24 + 36 * series.len())).clamp(480, 2800);
     let chart = Chart { width, y_range: Some(0.0..1.06), ..Chart::new(&title, "class", "share answered rightly") };
     chart.bars(&categories, &series)
 }

@@ -3,6 +3,9 @@
 use super::{Anchor, Colour, Image, TextSize};
 use std::ops::Range;
 
+/// Name and points (x, y, weight) of one line.
+pub type WeightedSeries = (String, Vec<(f64, f64, f64)>);
+
 /// Title and labels of a chart, its size and the range of its axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
@@ -91,7 +94,7 @@ impl Chart {
     }
 
     /// One line per series through its points (x, y, weight), with a disc on each point whose area grows with its weight.
-    pub fn weighted_lines(&self, series: &[(String, Vec<(f64, f64, f64)>)]) -> Image {
+    pub fn weighted_lines(&self, series: &[WeightedSeries]) -> Image {
         let points = || series.iter().flat_map(|(_, points)| points.iter());
         let x_axis = self.x_range.clone().unwrap_or_else(|| range_of(points().map(|p| p.0), false));
         let mut frame = Frame::new(self, points().map(|p| p.1), Horizontal::Numbers(x_axis));
