@@ -3,6 +3,7 @@
 use super::failure::{Failure, cannot_write};
 use super::progress;
 use super::shapes::{self, MeshArguments, ViewArgument};
+use crate::evaluation::figures::{self, Example};
 use crate::evaluation::{Evaluation, evaluate, sample, table};
 use crate::model::load;
 use crate::perception::{Method, Perceiver, Projection, Query};
@@ -47,6 +48,9 @@ pub struct Eval {
     /// Write the outcome as JSON: one object, or a list when several methods are given
     #[arg(long, value_name = "OUT")]
     json: Option<PathBuf>,
+    /// Draw completion error, query time, accuracy, reliability and some completions into this folder
+    #[arg(long, value_name = "DIR")]
+    png: Option<PathBuf>,
     #[command(flatten)]
     mesh: MeshArguments,
 }
@@ -103,6 +107,9 @@ impl Eval {
         let Some(view) = self.view.view() else {
             return Err(Failure::Usage("--view none: evaluation needs complete shapes; use --view top".into()));
         };
+        if let Some(folder) = &self.png {
+            std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
+        }
         let model = Arc::new(load(&self.model)?);
         if model.metadata.settings.splits.contains(&self.split) {
             eprintln!("warning: the model was trained on split `{}`: these figures say nothing about new objects", self.split);
@@ -123,7 +130,10 @@ impl Eval {
         let chosen = sample(&shapes, self.limit, self.seed);
         let perceiver = Perceiver::new(model.clone())?;
         let mut evaluations: Vec<Evaluation> = Vec::new();
-        for method in &self.method {
+        // Only the queries that are drawn are kept, as the first method answers them.
+        let drawn = if self.png.is_some() { figures::spread(chosen.len(), figures::EXAMPLES) } else { Vec::new() };
+        let mut examples: Vec<Example> = Vec::new();
+        for (m, method) in self.method.iter().enumerate() {
             let query = Query {
                 method: *method,
                 log_prior: self.prior.log_prior(&perceiver),
@@ -131,7 +141,14 @@ impl Eval {
                 ..Query::default()
             };
             let bar = progress::bar(chosen.len(), "answering");
-            let evaluation = evaluate(&perceiver, &chosen, &classes, &query, view, |_, _, _| bar.inc(1));
+            let mut answered = 0;
+            let evaluation = evaluate(&perceiver, &chosen, &classes, &query, view, |shape, observation, percept| {
+                if m == 0 && drawn.contains(&answered) {
+                    examples.push(Example::new(&names, classes[shape.class], &shape.object, observation, percept));
+                }
+                answered += 1;
+                bar.inc(1);
+            });
             bar.finish_and_clear();
             evaluations.push(evaluation?);
         }
@@ -142,6 +159,9 @@ impl Eval {
                 several => serde_json::to_string_pretty(several)?,
             };
             std::fs::write(path, text + "\n").map_err(cannot_write(path))?;
+        }
+        if let Some(folder) = &self.png {
+            figures::save(folder, &evaluations, &examples)?;
         }
         Ok(())
     }

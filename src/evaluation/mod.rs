@@ -1,5 +1,6 @@
 //! The paper's evaluation: protocol, figures of merit, tables and plots.
 
+pub mod figures;
 pub mod metrics;
 pub mod protocol;
 mod table;

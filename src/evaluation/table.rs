@@ -4,12 +4,14 @@ use super::Evaluation;
 use std::fmt::Write;
 
 /// The paper's Table I, known pose, in percent: BEO, its baseline and 3DShapeNets, classes in alphabetical order, then total.
-const PAPER: [(&str, [f64; 11]); 3] = [
+pub(super) const PAPER: [(&str, [f64; 11]); 3] = [
     ("paper: BEO", [48.0, 95.0, 93.0, 46.5, 64.0, 91.0, 55.8, 92.0, 75.0, 80.0, 76.3]),
     ("paper: baseline", [70.0, 94.0, 0.0, 17.4, 67.4, 78.0, 75.6, 88.0, 0.0, 82.0, 56.7]),
     ("paper: 3DShapeNets", [76.0, 77.0, 38.0, 22.1, 90.7, 74.0, 38.4, 57.0, 1.0, 79.0, 54.4]),
 ];
-const MODELNET10: [&str; 10] = ["bathtub", "bed", "chair", "desk", "dresser", "monitor", "night_stand", "sofa", "table", "toilet"];
+/// ModelNet10's classes, in the order of the rows of [`PAPER`].
+pub(super) const MODELNET10: [&str; 10] =
+    ["bathtub", "bed", "chair", "desk", "dresser", "monitor", "night_stand", "sofa", "table", "toilet"];
 
 /// Accuracies in percent by class and in total, one row per evaluation; with ModelNet10's classes also the paper's rows.
 pub fn table(evaluations: &[Evaluation]) -> String {

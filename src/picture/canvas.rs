@@ -32,7 +32,7 @@ impl Colour {
     /// Paper.
     pub const PAPER: Self = Self::rgb(252, 252, 250);
     /// Distinct colours for series and categories.
-    pub const SERIES: [Self; 8] = [
+    pub const SERIES: [Self; 10] = [
         Self::rgb(66, 133, 190),
         Self::rgb(240, 150, 70),
         Self::rgb(88, 165, 92),
@@ -41,6 +41,8 @@ impl Colour {
         Self::rgb(150, 110, 90),
         Self::rgb(222, 130, 190),
         Self::rgb(130, 134, 142),
+        Self::rgb(176, 178, 60),
+        Self::rgb(60, 180, 190),
     ];
 
     /// A solid colour.

@@ -3,6 +3,9 @@
 use super::{Anchor, Colour, Image, TextSize};
 use std::ops::Range;
 
+/// Name and points (x, y, weight) of one line.
+pub type WeightedSeries = (String, Vec<(f64, f64, f64)>);
+
 /// Title and labels of a chart, its size and the range of its axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
@@ -16,23 +19,29 @@ pub struct Chart {
     pub width: usize,
     /// Height in pixels, by default 440.
     pub height: usize,
-    /// Range of the vertical axis; by default from the data, with 0.
+    /// Range of the vertical axis; by default from the data, with 0 unless the axis is logarithmic.
     pub y_range: Option<Range<f64>>,
+    /// Whether the vertical axis is logarithmic; values that are not positive are then left out.
+    pub y_log: bool,
+    /// Range of a horizontal axis of numbers; by default from the data.
+    pub x_range: Option<Range<f64>>,
+    /// Whether to draw the line y = x, faint.
+    pub diagonal: bool,
 }
 
 impl Chart {
     /// A chart of the default size.
     pub fn new(title: &str, x_label: &str, y_label: &str) -> Self {
         let (title, x_label, y_label) = (title.into(), x_label.into(), y_label.into());
-        Self { title, x_label, y_label, width: 760, height: 440, y_range: None }
+        Self { title, x_label, y_label, width: 760, height: 440, y_range: None, y_log: false, x_range: None, diagonal: false }
     }
 
     /// One strip of points per category with a bar at its mean (as in the paper's Fig. 3); values that are not finite are left out.
     pub fn strips(&self, categories: &[(String, Vec<f64>)]) -> Image {
         let values = categories.iter().flat_map(|(_, values)| values.iter().copied());
-        let mut frame = Frame::new(self, self.y_axis(values), Horizontal::Categories(categories.iter().map(|(n, _)| n.as_str()).collect()));
+        let mut frame = Frame::new(self, values, Horizontal::Categories(categories.iter().map(|(n, _)| n.as_str()).collect()));
         for (c, (_, values)) in categories.iter().enumerate() {
-            let values: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+            let values: Vec<f64> = values.iter().copied().filter(|v| frame.y_axis.shows(*v)).collect();
             let colour = Colour::SERIES[c % Colour::SERIES.len()];
             let (middle, step) = frame.category(c, categories.len());
             for (n, value) in values.iter().enumerate() {
@@ -53,10 +62,10 @@ impl Chart {
     pub fn bars(&self, categories: &[String], series: &[(String, Vec<f64>)]) -> Image {
         let values = series.iter().flat_map(|(_, values)| values.iter().copied());
         let names = categories.iter().map(String::as_str).collect();
-        let mut frame = Frame::new(self, self.y_axis(values), Horizontal::Categories(names));
-        let zero = frame.y(frame.y_axis.start.max(0.0).min(frame.y_axis.end));
+        let mut frame = Frame::new(self, values, Horizontal::Categories(names));
+        let zero = if frame.y_axis.log { frame.bottom } else { frame.y(0.0) };
         for (s, (_, values)) in series.iter().enumerate() {
-            for (c, value) in values.iter().enumerate().filter(|(_, v)| v.is_finite()).take(categories.len()) {
+            for (c, value) in values.iter().enumerate().filter(|(_, v)| frame.y_axis.shows(**v)).take(categories.len()) {
                 let (middle, step) = frame.category(c, categories.len());
                 let width = step * 0.8 / series.len() as f64;
                 let (left, y) = (middle + (s as f64 - series.len() as f64 / 2.0) * width, frame.y(*value));
@@ -80,14 +89,30 @@ impl Chart {
 
     /// One line per series through its points (x, y).
     pub fn lines(&self, series: &[(String, Vec<(f64, f64)>)]) -> Image {
+        let plain = |points: &Vec<(f64, f64)>| points.iter().map(|p| (p.0, p.1, 0.0)).collect();
+        self.weighted_lines(&series.iter().map(|(name, points)| (name.clone(), plain(points))).collect::<Vec<_>>())
+    }
+
+    /// One line per series through its points (x, y, weight), with a disc on each point whose area grows with its weight.
+    pub fn weighted_lines(&self, series: &[WeightedSeries]) -> Image {
         let points = || series.iter().flat_map(|(_, points)| points.iter());
-        let x_axis = range_of(points().map(|p| p.0), false);
-        let mut frame = Frame::new(self, self.y_axis(points().map(|p| p.1)), Horizontal::Numbers(x_axis));
+        let x_axis = self.x_range.clone().unwrap_or_else(|| range_of(points().map(|p| p.0), false));
+        let mut frame = Frame::new(self, points().map(|p| p.1), Horizontal::Numbers(x_axis));
+        if self.diagonal {
+            let (low, high) = (frame.x_axis.start.max(frame.y_axis.range.start), frame.x_axis.end.min(frame.y_axis.range.end));
+            frame.image.line((frame.x(low), frame.y(low)), (frame.x(high), frame.y(high)), 2, Colour::FAINT);
+        }
+        let heaviest = points().map(|p| p.2).filter(|w| w.is_finite()).fold(0.0, f64::max);
         for (s, (_, points)) in series.iter().enumerate() {
-            let finite = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
-            let places: Vec<_> = points.iter().filter(finite).map(|p| (frame.x(p.0), frame.y(p.1))).collect();
+            let colour = Colour::SERIES[s % Colour::SERIES.len()];
+            let shown: Vec<_> = points.iter().filter(|p| p.0.is_finite() && frame.y_axis.shows(p.1)).collect();
+            let places: Vec<_> = shown.iter().map(|p| (frame.x(p.0), frame.y(p.1))).collect();
             for pair in places.windows(2) {
-                frame.image.line(pair[0], pair[1], 2, Colour::SERIES[s % Colour::SERIES.len()]);
+                frame.image.line(pair[0], pair[1], 2, colour);
+            }
+            for (&(x, y), point) in places.iter().zip(shown).filter(|(_, point)| point.2 > 0.0) {
+                let diameter = (22.0 * (point.2 / heaviest).sqrt()).max(5.0);
+                frame.image.disc(x, y, diameter as u32, colour.with_opacity(0.8));
             }
         }
         frame.legend(series.iter().map(|(name, _)| name.as_str()));
@@ -107,8 +132,10 @@ impl Chart {
         Self { y_range: Some(0.0..1.0), ..self.clone() }.lines(&series)
     }
 
-    fn y_axis(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
-        self.y_range.clone().unwrap_or_else(|| range_of(values, true))
+    fn y_axis(&self, values: impl Iterator<Item = f64>) -> Axis {
+        let log = self.y_log;
+        let range = self.y_range.clone().unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, true) });
+        Axis { range, log }
     }
 }
 
@@ -146,6 +173,59 @@ fn ticks(axis: &Range<f64>) -> Vec<(f64, String)> {
         .collect()
 }
 
+/// The range of the positive finite values, ended at 1, 2 or 5 times a power of ten.
+fn decades_of(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let values = values.filter(|v| v.is_finite() && *v > 0.0);
+    let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), v| (low.min(v), high.max(v)));
+    if low > high {
+        return 1.0..10.0;
+    }
+    let steps = |v: f64| {
+        let power = 10.0_f64.powf(v.log10().floor());
+        [1.0, 2.0, 5.0, 10.0].map(|m| m * power)
+    };
+    let start = steps(low).into_iter().rfind(|s| *s <= low).unwrap_or(low);
+    let end = steps(high).into_iter().find(|s| *s >= high && *s > start).unwrap_or(high * 10.0);
+    start..end
+}
+
+/// Ticks of a logarithmic axis: powers of ten, and where these are few also 2 and 5 times them.
+fn log_ticks(axis: &Range<f64>) -> Vec<(f64, String)> {
+    let decades = axis.start.log10().floor() as i32..axis.end.log10().ceil() as i32 + 1;
+    let multiples: &[f64] = if decades.len() > 4 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let within = |t: &f64| *t >= axis.start * 0.999 && *t <= axis.end * 1.001;
+    let label =
+        |t: f64, decade: i32| if decade < -3 { format!("{t:.0e}") } else { format!("{t:.*}", decade.min(0).unsigned_abs() as usize) };
+    decades
+        .flat_map(|d| multiples.iter().map(move |m| (m * 10.0_f64.powi(d), d)))
+        .filter(|(t, _)| within(t))
+        .map(|(t, d)| (t, label(t, d)))
+        .collect()
+}
+
+/// The vertical axis.
+struct Axis {
+    range: Range<f64>,
+    log: bool,
+}
+
+impl Axis {
+    fn shows(&self, value: f64) -> bool {
+        value.is_finite() && (!self.log || value > 0.0)
+    }
+
+    /// How far up a value stands, from 0 to 1.
+    fn share(&self, value: f64) -> f64 {
+        let place = |v: f64| if self.log { v.ln() } else { v };
+        let (low, high) = (place(self.range.start), place(self.range.end));
+        ((place(value) - low) / (high - low)).clamp(0.0, 1.0)
+    }
+
+    fn ticks(&self) -> Vec<(f64, String)> {
+        if self.log { log_ticks(&self.range) } else { ticks(&self.range) }
+    }
+}
+
 enum Horizontal<'a> {
     Categories(Vec<&'a str>),
     Numbers(Range<f64>),
@@ -159,13 +239,14 @@ struct Frame {
     top: i32,
     bottom: i32,
     x_axis: Range<f64>,
-    y_axis: Range<f64>,
+    y_axis: Axis,
 }
 
 impl Frame {
-    fn new(chart: &Chart, y_axis: Range<f64>, horizontal: Horizontal) -> Self {
+    fn new(chart: &Chart, values: impl Iterator<Item = f64>, horizontal: Horizontal) -> Self {
         let mut image = Image::new(chart.width, chart.height);
-        let y_ticks = ticks(&y_axis);
+        let y_axis = chart.y_axis(values);
+        let y_ticks = y_axis.ticks();
         let label_width = y_ticks.iter().map(|(_, t)| TextSize::Small.width(t)).max().unwrap_or(0) as i32;
         let (left, right) = (34 + label_width, chart.width as i32 - 16);
         let (top, bottom) = (56, chart.height as i32 - 52);
@@ -218,8 +299,7 @@ impl Frame {
     }
 
     fn y(&self, value: f64) -> i32 {
-        let share = (value - self.y_axis.start) / (self.y_axis.end - self.y_axis.start);
-        self.bottom - (share.clamp(0.0, 1.0) * f64::from(self.bottom - self.top)).round() as i32
+        self.bottom - (self.y_axis.share(value) * f64::from(self.bottom - self.top)).round() as i32
     }
 
     /// Names of the series in a line above the plot, at the right; unnamed ones are left out.
@@ -250,10 +330,22 @@ mod tests {
     }
 
     #[test]
+    fn ticks_of_a_logarithmic_axis_are_powers_of_ten_and_where_few_their_multiples() {
+        let labels = |low, high| log_ticks(&decades_of([low, high].into_iter())).into_iter().map(|t| t.1).collect::<Vec<_>>();
+        assert_eq!(labels(0.3, 7.0), ["0.2", "0.5", "1", "2", "5", "10"]);
+        assert_eq!(labels(0.002, 900.0), ["0.01", "0.1", "1", "10", "100", "1000"]);
+        assert_eq!(decades_of([0.0, f64::NAN, -1.0].into_iter()), 1.0..10.0);
+        assert_eq!(decades_of([2.0].into_iter()), 2.0..5.0);
+    }
+
+    #[test]
     fn values_stand_where_the_axis_says() {
-        let frame = Frame::new(&Chart::new("", "", ""), 0.0..10.0, Horizontal::Numbers(0.0..2.0));
+        let frame = Frame::new(&Chart::new("", "", ""), [10.0].into_iter(), Horizontal::Numbers(0.0..2.0));
         assert_eq!((frame.y(0.0), frame.y(10.0), frame.y(5.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
         assert_eq!((frame.x(0.0), frame.x(2.0), frame.x(9.0)), (frame.left, frame.right, frame.right));
+        let chart = Chart { y_log: true, ..Chart::new("", "", "") };
+        let frame = Frame::new(&chart, [0.01, 100.0, -3.0].into_iter(), Horizontal::Numbers(0.0..2.0));
+        assert_eq!((frame.y(0.01), frame.y(100.0), frame.y(1.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
     }
 
     #[test]
@@ -265,6 +357,9 @@ mod tests {
         chart.bars(&["a".into()], &[("s".into(), vec![-1.0, 2.0]), ("t".into(), vec![])]);
         chart.lines(&[("s".into(), vec![(f64::NAN, 1.0), (1.0, 1.0)])]);
         chart.cumulative(&[("s".into(), vec![])]);
+        let log = Chart { y_log: true, diagonal: true, ..chart.clone() };
+        log.weighted_lines(&[("s".into(), vec![(0.0, -1.0, 1.0), (1.0, 0.0, f64::NAN), (2.0, 5.0, 2.0)])]);
+        log.bars(&["a".into()], &[("s".into(), vec![0.5])]);
         Chart { width: 10, height: 10, ..chart }.bars(&["a".into()], &[("s".into(), vec![1.0])]);
     }
 

@@ -32,6 +32,27 @@ pub fn draw_completion(observation: &Observation, probability: &[f32], side: usi
     })
 }
 
+/// Probabilities of being filled, such as a class mean: solid are the most probable voxels, as many as are filled on average (the
+/// sum of all probabilities), the paler the less probable; down to half the least of these the next ones stand around them, faint.
+/// Values outside of 0 to 1 are drawn as these.
+pub fn draw_probability(dims: Dims, probability: &[f32], side: usize) -> Image {
+    assert_eq!(probability.len(), dims.voxels(), "one probability per voxel");
+    let least = least_of_expected(probability);
+    draw_voxels(dims, side, side, |v| {
+        let p = probability[v].clamp(0.0, 1.0);
+        let solid = Colour::PREDICTED.mix(Colour::PAPER, 0.8 * (1.0 - p));
+        if p >= least { Some(solid) } else { (p > 0.5 * least).then(|| solid.with_opacity(0.12)) }
+    })
+}
+
+/// The least probability among the n greatest, where n is the sum of all.
+fn least_of_expected(probability: &[f32]) -> f32 {
+    let mut sorted: Vec<f32> = probability.iter().map(|p| p.clamp(0.0, 1.0)).collect();
+    sorted.sort_by(|a, b| b.total_cmp(a));
+    let count = sorted.iter().map(|p| f64::from(*p)).sum::<f64>().round() as usize;
+    sorted.get(count.saturating_sub(1)).copied().unwrap_or(1.0).max(0.05)
+}
+
 /// Solid from one half on, where a voxel counts as filled; faint below.
 fn prediction(probability: f32) -> Option<Colour> {
     if probability >= 0.5 {
@@ -41,15 +62,21 @@ fn prediction(probability: f32) -> Option<Colour> {
     (probability >= FAINTEST).then(|| Colour::PREDICTED.with_opacity(0.3 * (probability - FAINTEST) / (0.5 - FAINTEST)))
 }
 
-/// Signed weights, such as a class mean or a mode: orange above zero, blue below, relative to the largest magnitude; small ones
-/// are left out.
+/// Signed weights, such as a mode: orange above zero, blue below, the more intense the greater; weights from half of the largest
+/// on (of the 99th percentile, as single voxels can stand out) are solid, those down to a quarter faint, smaller ones left out.
 pub fn draw_weights(dims: Dims, weights: &[f32], side: usize) -> Image {
     assert_eq!(weights.len(), dims.voxels(), "one weight per voxel");
-    let largest = weights.iter().fold(0.0_f32, |m, w| m.max(w.abs())).max(f32::MIN_POSITIVE);
+    let mut sizes: Vec<f32> = weights.iter().map(|w| w.abs()).collect();
+    let place = sizes.len() * 99 / 100;
+    let largest = sizes.select_nth_unstable_by(place, f32::total_cmp).1.max(f32::MIN_POSITIVE);
     draw_voxels(dims, side, side, |v| {
         let value = weights[v] / largest;
-        // Squared, so that the core shows through what surrounds it.
-        (value.abs() > 0.15).then(|| Colour::signed(value.signum() * value * value))
+        let solid = Colour::signed(value.signum()).mix(Colour::PAPER, 0.9 * (1.0 - value.abs().min(1.0)));
+        match value.abs() {
+            size if size >= 0.5 => Some(solid),
+            size if size >= 0.25 => Some(solid.with_opacity(0.15)),
+            _ => None,
+        }
     })
 }
 
@@ -59,6 +86,17 @@ mod tests {
     use crate::grid::View;
     use crate::picture::sheet;
     use crate::shapes::furniture;
+
+    #[test]
+    fn as_many_voxels_are_solid_as_are_filled_on_average() {
+        // Ten sure voxels and ten of 0.3 on average: 13 are filled on average.
+        let mut p = vec![0.0; 100];
+        p[..10].fill(1.0);
+        p[10..20].iter_mut().enumerate().for_each(|(n, p)| *p = 0.255 + 0.01 * n as f32);
+        let least = least_of_expected(&p);
+        assert_eq!(p.iter().filter(|p| **p >= least).count(), 13);
+        assert!(least_of_expected(&[]) > 0.0 && least_of_expected(&[0.0; 5]) > 0.0);
+    }
 
     #[test]
     #[ignore = "writes pictures for a person to look at: set BEO_PICTURES to a folder"]
