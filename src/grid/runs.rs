@@ -9,6 +9,7 @@ const WORD: usize = usize::BITS as usize;
 /// Calls `run(start, end)` for every maximal stretch `start..end` of set bits inside one column, columns in order.
 ///
 /// `bits` has one bit per voxel of `dims`.
+#[inline]
 pub fn for_each_run(bits: &FixedBitSet, dims: Dims, columns: Range<usize>, mut run: impl FnMut(usize, usize)) {
     let words = bits.as_slice();
     for column in columns {

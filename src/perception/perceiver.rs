@@ -16,6 +16,9 @@ use std::sync::{Arc, OnceLock};
 const LEAST_SHARE: f64 = 0.05;
 /// … and no more than this many do.
 const MOST_PARTS: usize = 3;
+/// Classes whose posterior by the hull is below this share of the best one's are not worth computing their evidence, which
+/// weighs little in the blend.
+const HOPELESS: f64 = 1e-4;
 /// Layers of constant x that one task completes.
 const SLAB: usize = 4;
 
@@ -59,6 +62,8 @@ pub struct Workspace {
     projected: Vec<f32>,
     centred: Vec<Vec<f32>>,
     scores: Scores,
+    /// Classes whose evidence is computed.
+    wanted: Vec<bool>,
     conditionals: Vec<Conditional>,
     slabs: Vec<completion::Scratch>,
 }
@@ -103,6 +108,7 @@ impl Perceiver {
             projected: vec![0.0; self.model.rank()],
             centred: vec![vec![0.0; self.model.rank()]; m],
             scores: Scores::default(),
+            wanted: vec![false; m],
             conditionals: self.subspaces.iter().map(|s| Conditional::new(s.size())).collect(),
             slabs: (0..dims.x().div_ceil(SLAB)).map(|_| completion::Scratch::default()).collect(),
         }
@@ -142,6 +148,9 @@ impl Perceiver {
                 (Method::Auto, Some(v)) => {
                     self.score_hull(v, work);
                     if calibration.auto.evidence != 0.0 {
+                        calibration.hull.posterior(&work.scores, prior, &mut percept.posterior);
+                        let least = percept.posterior.iter().copied().fold(0.0, f64::max) * HOPELESS;
+                        work.wanted.iter_mut().zip(&percept.posterior).for_each(|(wanted, p)| *wanted = *p >= least);
                         self.score_evidence(work, percept)?;
                     }
                     (&calibration.auto, |s| &s.hull)
@@ -152,10 +161,12 @@ impl Perceiver {
                 }
                 // Hull densities belong to a view; where none fits, the evidence does not depend on it.
                 (Method::Auto, None) | (Method::Evidence, _) => {
+                    work.wanted.fill(true);
                     self.score_evidence(work, percept)?;
                     (&calibration.evidence, |s| &s.evidence)
                 }
                 (Method::Mean, _) => {
+                    work.wanted.fill(true);
                     self.score_evidence(work, percept)?;
                     (&calibration.mean, |s| &s.distance)
                 }
@@ -204,17 +215,24 @@ impl Perceiver {
         work.scores.hull.extend(scores);
     }
 
+    /// Evidence of the classes that are `wanted`. The others get that of the best of these: it then says nothing about them.
     fn score_evidence(&self, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
         let known = Known { unknown: &work.unknown_runs, filled: &work.filled };
         self.subspaces
             .par_iter()
             .zip(&mut work.conditionals)
-            .try_for_each(|(class, conditional)| class.condition(&known, self.noise, conditional))?;
-        work.scores.evidence.clear();
-        work.scores.evidence.extend(work.conditionals.iter().map(|c| c.log_evidence));
-        work.scores.distance.clear();
-        work.scores.distance.extend(work.conditionals.iter().map(|c| -c.distance2));
-        percept.log_evidence.copy_from_slice(&work.scores.evidence);
+            .zip(&work.wanted)
+            .filter(|(_, wanted)| **wanted)
+            .try_for_each(|((class, conditional), _)| class.condition(&known, self.noise, conditional))?;
+        let scores = &mut work.scores;
+        let computed = || work.conditionals.iter().zip(&work.wanted).filter(|(_, wanted)| **wanted).map(|(c, _)| c);
+        let best = computed().map(|c| c.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        for (s, conditional) in work.conditionals.iter().enumerate() {
+            let wanted = work.wanted[s];
+            scores.evidence.push(if wanted { conditional.log_evidence } else { best });
+            scores.distance.push(-conditional.distance2);
+            percept.log_evidence[s] = if wanted { conditional.log_evidence } else { 0.0 };
+        }
         Ok(())
     }
 
@@ -270,7 +288,7 @@ impl Perceiver {
         let scored = !work.scores.evidence.is_empty();
         for &(s, _) in &shares {
             let (class, conditional) = (&self.subspaces[s], &mut work.conditionals[s]);
-            if !scored {
+            if !scored || !work.wanted[s] {
                 class.condition(&known, self.noise, conditional)?;
                 percept.log_evidence[s] = conditional.log_evidence;
             }

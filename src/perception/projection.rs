@@ -34,14 +34,17 @@ impl ColumnSums {
     /// W'ᵀx of the binary vector with these bits, into `out` (a values).
     pub fn project(&self, bits: &FixedBitSet, out: &mut [f32]) {
         out.fill(0.0);
-        for_each_run(bits, self.dims, 0..self.dims.columns(), |start, end| {
-            out.iter_mut().zip(self.row(end - 1)).for_each(|(out, sum)| *out += sum);
-            if start % self.dims.z() != 0 {
-                out.iter_mut().zip(self.row(start - 1)).for_each(|(out, sum)| *out -= sum);
-            }
+        pulp::Arch::new().dispatch(|| {
+            for_each_run(bits, self.dims, 0..self.dims.columns(), |start, end| {
+                out.iter_mut().zip(self.row(end - 1)).for_each(|(out, sum)| *out += sum);
+                if start % self.dims.z() != 0 {
+                    out.iter_mut().zip(self.row(start - 1)).for_each(|(out, sum)| *out -= sum);
+                }
+            });
         });
     }
 
+    #[inline(always)]
     fn row(&self, voxel: usize) -> &[f32] {
         &self.sums[voxel * self.width..(voxel + 1) * self.width]
     }

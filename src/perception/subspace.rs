@@ -232,11 +232,13 @@ impl ClassSubspace {
             let spread = MatRef::from_row_major_slice(&conditional.spread, k, k);
             let mut product = MatMut::from_column_major_slice_mut(&mut scratch.product, k, block.len());
             matmul(product.rb_mut(), Accum::Replace, spread, rows, 1.0, Par::Seq);
-            let products = scratch.product.chunks_exact(k.max(1));
-            for ((voxel, row), product) in block.iter().zip(scratch.rows.chunks_exact(k.max(1))).zip(products) {
-                let mean = self.mean(*voxel) + super::density::dot(row, &conditional.coefficients);
-                out.push((mean, super::density::dot(product, product)));
-            }
+            pulp::Arch::new().dispatch(|| {
+                let products = scratch.product.chunks_exact(k.max(1));
+                for ((voxel, row), product) in block.iter().zip(scratch.rows.chunks_exact(k.max(1))).zip(products) {
+                    let mean = self.mean(*voxel) + super::density::dot(row, &conditional.coefficients);
+                    out.push((mean, super::density::dot(product, product)));
+                }
+            });
             if k == 0 {
                 out.extend(block.iter().map(|voxel| (self.mean(*voxel), 0.0)));
             }
