@@ -41,7 +41,8 @@ pub(crate) const LOANS: usize = 2;
 /// How long creating or removing a service by someone else is waited for.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The limits of a publish-subscribe service. Overflow is always on: a reader that does not read loses its oldest samples and delays nobody.
+/// The limits of a publish-subscribe service. Overflow is always on: a reader that does not read loses its oldest samples and delays
+/// nobody.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     pub publishers: usize,
@@ -175,8 +176,8 @@ fn open_existing<Service>(
     })
 }
 
-/// Makes the pair of functions that create (daemon) and open (client) one publish-subscribe channel. A macro, because iceoryx2's builders for slices and for fixed
-/// sizes share no trait.
+/// Makes the pair of functions that create (daemon) and open (client) one publish-subscribe channel. A macro, because iceoryx2's builders
+/// for slices and for fixed sizes share no trait.
 macro_rules! channel {
     ($create:ident, $open:ident, $name:ident, $payload:ty, $header:ty, $service:ty, $layout:expr) => {
         pub(crate) fn $create(node: &Node<Ipc>, instance: &InstanceName, limits: &Limits) -> Result<$service, OpenError> {

@@ -1,7 +1,7 @@
 //! The memory layout of the messages as data: checked at compile time to have no padding, and hashed so that peers can compare it.
 //!
-//! iceoryx2 compares the type's name, size and alignment when a service is opened; two fields swapped would pass. The hash of every field's name, offset, size and
-//! scalar type goes into the service's attributes and closes that gap.
+//! iceoryx2 compares the type's name, size and alignment when a service is opened; two fields swapped would pass. The hash of every field's
+//! name, offset, size and scalar type goes into the service's attributes and closes that gap.
 
 /// One field of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,11 +1,14 @@
 //! Channels of the beo daemon over shared memory (iceoryx2): message layouts, service names, and the three roles.
 //!
 //! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends
-//! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data and as a hash;
-//!   [`text`]: its text fields; [`clock`]: its stamps
+//! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data
+//!   and as a hash; [`text`]: its text fields; [`clock`]: its stamps
 //! - [`validate`]: which observations are refused, and why
 //! - [`names`]: instance names and service names; [`node`]: how iceoryx2 is joined; [`channel`]: limits of the services
 //! - [`memory`]: is there room in shared memory; [`error`]: what can go wrong and what to do
+//!
+//! A process that was killed at a bad moment does not block the others: opening a role, and `maintain`, first remove the empty segment it
+//! may have left in /dev/shm, for which iceoryx2 0.10.0 would wait for ever (private module `orphans`).
 //!
 //! All `unsafe` is in one private module, `shared`.
 
@@ -20,6 +23,7 @@ pub mod memory;
 pub mod messages;
 pub mod names;
 pub mod node;
+mod orphans;
 mod producer;
 mod server;
 mod shared;

@@ -1,8 +1,9 @@
 //! The messages, exactly as they lie in shared memory: `repr(C)`, no padding, any bit pattern valid, versioned type names.
 //!
-//! Frames, units and time are those of the whole project: metres; quaternions are x, y, z, w; stamps are nanoseconds of CLOCK_MONOTONIC, 0 where a stage did not
-//! run. Reserved bytes are 0. The lengths of arrays are written as numbers, as rustc 1.95 crashes on closures that capture a struct whose array lengths are named
-//! constants of another crate. A field never changes its meaning or place within one version: a change makes a new version with new type names.
+//! Frames, units and time are those of the whole project: metres; quaternions are x, y, z, w; stamps are nanoseconds of CLOCK_MONOTONIC, 0
+//! where a stage did not run. Reserved bytes are 0. The lengths of arrays are written as numbers, as rustc 1.95 crashes on closures that
+//! capture a struct whose array lengths are named constants of another crate. A field never changes its meaning or place within one
+//! version: a change makes a new version with new type names.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -254,7 +255,8 @@ impl Percept {
     }
 }
 
-/// Travels with every completion. Its payload is `2 × voxels` bytes: first the occupancy probability of every voxel, then its standard deviation, each value × 255.
+/// Travels with every completion. Its payload is `2 × voxels` bytes: first the occupancy probability of every voxel, then its standard
+/// deviation, each value × 255.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("beo.v1.CompletionHeader")]

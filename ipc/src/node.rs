@@ -2,18 +2,24 @@
 
 use std::time::Duration;
 
-use iceoryx2::prelude::{Config, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc_threadsafe};
+use iceoryx2::prelude::{Config, Node, NodeBuilder, NodeName, SemanticString as _, ServiceName, SignalHandlingMode, ipc_threadsafe};
 
 use crate::error::OpenError;
+use crate::orphans;
 
 /// The variant of iceoryx2's services that is used: between processes, its handles usable from any thread.
 pub(crate) type Ipc = ipc_threadsafe::Service;
 
-/// The configuration of every node of beo: iceoryx2's built-in defaults (root path and prefix included), so that other iceoryx2 programs find the services.
+/// The configuration of every node of beo: where things are and how they are named is iceoryx2's built-in default, so that other iceoryx2
+/// programs find the services.
 ///
-/// Given explicitly because iceoryx2 would otherwise read a file that depends on the working directory.
+/// Given explicitly because iceoryx2 would otherwise read a file that depends on the working directory. Nodes do not clean up after dead
+/// ones by themselves when they are made and dropped: opening a role and its `maintain` do, after a look at what would block them.
 pub fn config() -> Config {
-    Config::default()
+    let mut config = Config::default();
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config
 }
 
 /// A node named after its role, `beo-ROLE-INSTANCE`. It cleans up after dead nodes first.
@@ -22,14 +28,26 @@ pub(crate) fn create(role: &str, instance: &crate::InstanceName) -> Result<Node<
     let name =
         NodeName::new(&name).map_err(|error| OpenError::Failed { what: format!("a node named {name}"), cause: format!("{error:?}") })?;
     let config = config();
+    orphans::remove_and_wait(config.global.prefix.as_bytes());
     let node = NodeBuilder::new()
         .name(&name)
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .config(&config)
         .create::<Ipc>()
         .map_err(|error| no_access(&config, format!("{error:?}")))?;
-    node.blocking_cleanup_dead_nodes(Duration::from_millis(500));
+    if orphans::remove_and_wait(config.global.prefix.as_bytes()) {
+        node.blocking_cleanup_dead_nodes(Duration::from_millis(500));
+    }
     Ok(node)
+}
+
+/// Cleans up after dead nodes. False if an empty segment would block that, and connecting to peers as well: then the next call will.
+pub(crate) fn clean_up(node: &Node<Ipc>) -> bool {
+    let possible = orphans::remove(node.config().global.prefix.as_bytes());
+    if possible {
+        node.try_cleanup_dead_nodes();
+    }
+    possible
 }
 
 fn no_access(config: &Config, cause: String) -> OpenError {

@@ -22,9 +22,9 @@ use crate::shared::with_old_content;
 
 /// Writes observations of one size.
 ///
-/// Its segment has `readers × (buffer + 2) + 2` chunks of one grid each, where the daemon says how many readers (2) and how long a buffer (16 at 30³, 2 at 254³):
-/// 38 chunks and 1.1 MB at 30³, 10 chunks and 164 MB at 254³. All are touched at opening. When the daemon does not keep up, its oldest observations are replaced;
-/// sending never waits.
+/// Its segment has `readers × (buffer + 2) + 2` chunks of one grid each, where the daemon says how many readers (2) and how long a buffer
+/// (16 at 30³, 2 at 254³): 38 chunks and 1.1 MB at 30³, 10 chunks and 164 MB at 254³. All are touched at opening. When the daemon does not
+/// keep up, its oldest observations are replaced; sending never waits.
 #[derive(Debug)]
 pub struct Producer {
     publisher: Publisher<Ipc, [u8], ObservationHeader>,
@@ -44,8 +44,8 @@ struct Outlet {
 }
 
 impl Producer {
-    /// Joins the running daemon of `instance` as a producer. Every loan starts with a copy of `template`; its `dims` are the size of the grids, its `producer_id` is
-    /// replaced by a fresh one.
+    /// Joins the running daemon of `instance` as a producer. Every loan starts with a copy of `template`; its `dims` are the size of the
+    /// grids, its `producer_id` is replaced by a fresh one.
     ///
     /// # Errors
     /// [`OpenError::NotRunning`] before the daemon runs; see [`OpenError`] for the rest.
@@ -108,9 +108,12 @@ impl Producer {
         Ok(Loan { sample, outlet: self.outlet.clone() })
     }
 
-    /// Housekeeping for when the daemon's heartbeat is missed: cleans up after processes that died, and connects to a daemon that came since.
+    /// Housekeeping for when the daemon's heartbeat is missed: cleans up after processes that died, and connects to a daemon that came
+    /// since.
     pub fn maintain(&self) {
-        self.node.try_cleanup_dead_nodes();
+        if !node::clean_up(&self.node) {
+            return;
+        }
         channel::update_connections(&self.publisher);
     }
 }
@@ -132,7 +135,8 @@ pub struct Sent {
 }
 
 impl Loan {
-    /// The voxels: one byte each, 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`, z fastest. They hold whatever was in the memory before: write all of them.
+    /// The voxels: one byte each, 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`, z fastest. They hold whatever was in the memory
+    /// before: write all of them.
     pub fn voxels_mut(&mut self) -> &mut [u8] {
         self.sample.payload_mut()
     }

@@ -60,9 +60,10 @@ impl ServerOptions {
 
 /// The daemon's ends of all channels.
 ///
-/// Its segments, all touched at opening, for 16 subscribers: percepts 547 chunks of 1.2 kB; status 51 chunks of 2.3 kB; completions at 30³ 67 chunks of 54 kB (3.6 MB),
-/// at 254³ 8 chunks of 33 MB (262 MB). Below the worst case (more than two subscribers holding two big completions each)
-/// [`Server::loan_completion`] can fail with [`LoanError::NoFreeChunk`]; that grid is then not completed, and everything else goes on.
+/// Its segments, all touched at opening, for 16 subscribers: percepts 547 chunks of 1.2 kB; status 51 chunks of 2.3 kB; completions at 30³
+/// 67 chunks of 54 kB (3.6 MB), at 254³ 8 chunks of 33 MB (262 MB). Below the worst case (more than two subscribers holding two big
+/// completions each) [`Server::loan_completion`] can fail with [`LoanError::NoFreeChunk`]; that grid is then not completed, and everything
+/// else goes on.
 #[derive(Debug)]
 pub struct Server {
     // The percepts' publisher goes first: it is the word that a daemon runs.
@@ -82,8 +83,8 @@ impl Server {
     /// Creates the services of `instance`, or takes them over from a daemon that is gone; cleans up after one that was killed.
     ///
     /// # Errors
-    /// [`OpenError::AlreadyRunning`] if a daemon serves the instance, [`OpenError::OtherSettings`] if clients still hold services with other limits,
-    /// [`OpenError::NotEnoughSharedMemory`]; see [`OpenError`] for the rest.
+    /// [`OpenError::AlreadyRunning`] if a daemon serves the instance, [`OpenError::OtherSettings`] if clients still hold services with
+    /// other limits, [`OpenError::NotEnoughSharedMemory`]; see [`OpenError`] for the rest.
     pub fn open(instance: &InstanceName, options: &ServerOptions) -> Result<Self, OpenError> {
         let voxels = voxel_count(options.dims).ok_or(OpenError::BadDims(options.dims))?;
         let completion_len = 2 * voxels;
@@ -138,8 +139,8 @@ impl Server {
         self.daemon_id
     }
 
-    /// Waits until a producer has sent something, at most `timeout`: true if one has, false otherwise or when a signal interrupted. Receive everything before waiting
-    /// again: one wake-up can stand for several observations.
+    /// Waits until a producer has sent something, at most `timeout`: true if one has, false otherwise or when a signal interrupted. Receive
+    /// everything before waiting again: one wake-up can stand for several observations.
     ///
     /// # Errors
     /// [`WaitError`] if the event service is broken.
@@ -147,8 +148,8 @@ impl Server {
         channel::wait(&self.observed, timeout)
     }
 
-    /// The next observation of any producer; those of one producer come in its order. 16 of each producer wait (fewer if they are big: 2 at 254³), then the oldest is
-    /// replaced. At most [`channel::MAX_HELD_SAMPLES`] of one producer can be held.
+    /// The next observation of any producer; those of one producer come in its order. 16 of each producer wait (fewer if they are big: 2 at
+    /// 254³), then the oldest is replaced. At most [`channel::MAX_HELD_SAMPLES`] of one producer can be held.
     ///
     /// # Errors
     /// [`ReceiveError::TooManyHeld`] until an observation taken earlier is dropped.
@@ -171,10 +172,12 @@ impl Server {
         Ok(())
     }
 
-    /// Memory for the completion of an observation, to be written in place. Its header repeats the observation's identifiers, placement and dims. Send it before its percept: the percept's wake-up then finds both.
+    /// Memory for the completion of an observation, to be written in place. Its header repeats the observation's identifiers, placement and
+    /// dims. Send it before its percept: the percept's wake-up then finds both.
     ///
     /// # Errors
-    /// [`LoanError::TooLarge`] if the observation has more voxels than the options', [`LoanError::NoFreeChunk`] if subscribers hold everything.
+    /// [`LoanError::TooLarge`] if the observation has more voxels than the options', [`LoanError::NoFreeChunk`] if subscribers hold
+    /// everything.
     pub fn loan_completion(&self, observation: &ObservationHeader) -> Result<CompletionLoan, LoanError> {
         let len = voxel_count(observation.dims)
             .map(|voxels| 2 * voxels)
@@ -207,13 +210,16 @@ impl Server {
         channel::wake(&self.perceived);
     }
 
-    /// Housekeeping, to be called about once a second: late subscribers get the last percept, completion and status; what dead processes left is removed.
+    /// Housekeeping, to be called about once a second: late subscribers get the last percept, completion and status; what dead processes
+    /// left is removed.
     pub fn maintain(&self) {
+        if !node::clean_up(&self.node) {
+            return;
+        }
         channel::update_connections(&self.percepts);
         channel::update_connections(&self.completions);
         channel::update_connections(&self.statuses);
         channel::update_connections(&self.observations);
-        self.node.try_cleanup_dead_nodes();
     }
 }
 
@@ -224,8 +230,8 @@ fn completion_chunks(worst_case: usize, len: usize) -> usize {
 
 /// An observation where it lies in shared memory; held until dropped.
 ///
-/// The header is a copy. The voxels are not: the producer could still change them. Copy them once, check them while copying, and never use as an index what is
-/// still shared.
+/// The header is a copy. The voxels are not: the producer could still change them. Copy them once, check them while copying, and never use
+/// as an index what is still shared.
 #[derive(Debug)]
 pub struct Observation {
     header: ObservationHeader,
@@ -239,7 +245,8 @@ impl Observation {
         &self.header
     }
 
-    /// The voxels: one byte each, C order `[x][y][z]`, after header and payload have been checked against each other. That each is 0, 1 or 255 is not checked.
+    /// The voxels: one byte each, C order `[x][y][z]`, after header and payload have been checked against each other. That each is 0, 1 or
+    /// 255 is not checked.
     ///
     /// # Errors
     /// [`Refusal`]: what is wrong with the header or the payload's length.
@@ -263,8 +270,8 @@ impl CompletionLoan {
         self.sample.user_header_mut()
     }
 
-    /// Occupancy probability × 255 and its standard deviation × 255, one byte per voxel each, C order `[x][y][z]`. They hold whatever was in the memory before: write
-    /// all of them.
+    /// Occupancy probability × 255 and its standard deviation × 255, one byte per voxel each, C order `[x][y][z]`. They hold whatever was
+    /// in the memory before: write all of them.
     pub fn occupancy_and_deviation_mut(&mut self) -> (&mut [u8], &mut [u8]) {
         let payload = self.sample.payload_mut();
         let voxels = payload.len() / 2;

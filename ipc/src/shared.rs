@@ -14,8 +14,9 @@ use crate::node::Ipc;
 ///
 /// Only for this crate's messages: plain numbers, for which any bit pattern is a value.
 pub(crate) fn copy_of<Message: ZeroCopySend + Copy>(shared: &Message) -> Message {
-    // SAFETY: a reference is valid and aligned for reads. The volatile read happens once, so that what is checked afterwards is the copy; a concurrent write by a
-    // misbehaving peer can tear it, and any torn value is still a value, since the messages consist of integers, floats and arrays of them.
+    // SAFETY: a reference is valid and aligned for reads. The volatile read happens once, so that what is checked afterwards is the copy; a
+    // concurrent write by a misbehaving peer can tear it, and any torn value is still a value, since the messages consist of integers,
+    // floats and arrays of them.
     unsafe { std::ptr::read_volatile(shared) }
 }
 
@@ -23,7 +24,7 @@ pub(crate) fn copy_of<Message: ZeroCopySend + Copy>(shared: &Message) -> Message
 pub(crate) fn with_old_content<Header: ZeroCopySend + std::fmt::Debug>(
     loan: SampleMutUninit<Ipc, [MaybeUninit<u8>], Header>,
 ) -> SampleMut<Ipc, [u8], Header> {
-    // SAFETY: the bytes lie in a POSIX shared-memory object, which the kernel hands out zeroed, and hold whatever was stored there since: memory from outside the
-    // abstract machine, never uninitialised, and every value of a byte is a valid u8.
+    // SAFETY: the bytes lie in a POSIX shared-memory object, which the kernel hands out zeroed, and hold whatever was stored there since:
+    // memory from outside the abstract machine, never uninitialised, and every value of a byte is a valid u8.
     unsafe { loan.assume_init() }
 }

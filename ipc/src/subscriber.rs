@@ -23,11 +23,11 @@ pub struct SubscriberOptions {
     pub completion: bool,
 }
 
-/// Reads what a daemon says. A late one gets the last percept, completion and status at the daemon's next [`crate::Server::maintain`] (about a second), or when it
-/// next sends.
+/// Reads what a daemon says. A late one gets the last percept, completion and status at the daemon's next [`crate::Server::maintain`]
+/// (about a second), or when it next sends.
 ///
-/// A reader that does not read loses its oldest percepts (32 are kept) and completions (2 are kept, 1 of big grids), and delays nobody. It outlives the daemon: when
-/// another one starts with the same settings, percepts go on, with another `daemon_id`.
+/// A reader that does not read loses its oldest percepts (32 are kept) and completions (2 are kept, 1 of big grids), and delays nobody. It
+/// outlives the daemon: when another one starts with the same settings, percepts go on, with another `daemon_id`.
 #[derive(Debug)]
 pub struct Subscriber {
     percepts: Reader<Ipc, Percept, ()>,
@@ -75,8 +75,8 @@ impl Subscriber {
         channel::daemon_runs(&self.service)
     }
 
-    /// Waits until the daemon has sent something, at most `timeout`: true if it has, false otherwise or when a signal interrupted. Take everything before waiting
-    /// again: one wake-up can stand for several percepts.
+    /// Waits until the daemon has sent something, at most `timeout`: true if it has, false otherwise or when a signal interrupted. Take
+    /// everything before waiting again: one wake-up can stand for several percepts.
     ///
     /// # Errors
     /// [`WaitError`] if the event service is broken.
@@ -93,10 +93,12 @@ impl Subscriber {
         Ok(sample.map(|sample| copy_of(sample.payload())))
     }
 
-    /// The oldest completion not yet taken, where it lies; `None` also if completions were not subscribed to. At most [`channel::MAX_HELD_SAMPLES`] can be held.
+    /// The oldest completion not yet taken, where it lies; `None` also if completions were not subscribed to. At most
+    /// [`channel::MAX_HELD_SAMPLES`] can be held.
     ///
     /// # Errors
-    /// [`ReceiveError::TooManyHeld`] until a completion taken earlier is dropped, [`ReceiveError::Broken`] if header and payload contradict each other.
+    /// [`ReceiveError::TooManyHeld`] until a completion taken earlier is dropped, [`ReceiveError::Broken`] if header and payload contradict
+    /// each other.
     pub fn take_completion(&self) -> Result<Option<Completion>, ReceiveError> {
         let Some(reader) = &self.completions else { return Ok(None) };
         let Some(sample) = reader.receive().map_err(channel::receive_error)? else { return Ok(None) };
@@ -121,9 +123,12 @@ impl Subscriber {
         Ok(*last)
     }
 
-    /// Housekeeping for when the daemon's heartbeat is missed: cleans up after processes that died, and connects to a daemon that came since.
+    /// Housekeeping for when the daemon's heartbeat is missed: cleans up after processes that died, and connects to a daemon that came
+    /// since.
     pub fn maintain(&self) {
-        self.node.try_cleanup_dead_nodes();
+        if !node::clean_up(&self.node) {
+            return;
+        }
         channel::update_connections(&self.percepts);
         channel::update_connections(&self.statuses);
         if let Some(completions) = &self.completions {

@@ -1,7 +1,7 @@
 //! The channels between real processes and over real shared memory.
 //!
-//! The other processes are this test binary again, in a role given by the environment (see [`a_role_in_another_process`]). Every test has an instance of its own;
-//! children are ended by id; nothing asserts how long something takes, waiting only ends after a while.
+//! The other processes are this test binary again, in a role given by the environment (see [`a_role_in_another_process`]). Every test has
+//! an instance of its own; children are ended by id; nothing asserts how long something takes, waiting only ends after a while.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ const DIMS: [u32; 3] = [30; 3];
 const PATIENCE: Duration = Duration::from_secs(60);
 const WITH_COMPLETION: SubscriberOptions = SubscriberOptions { completion: true };
 
-// ---------------------------------------------------------------------------------------------------------------------------------------------------------
+// -----------------------------------------------------------------------------------------------------------------------------------------
 // What the processes agree on
 
 fn voxel(index: usize, sequence: u64) -> u8 {
@@ -124,7 +124,7 @@ fn check_completion(completion: &Completion) {
     }
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------------------------------------
+// -----------------------------------------------------------------------------------------------------------------------------------------
 // The other processes
 
 /// Not a test by itself: what a child process does.
@@ -276,7 +276,7 @@ fn mapped_segments(pid: u32) -> Vec<PathBuf> {
     segments
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------------------------------------
+// -----------------------------------------------------------------------------------------------------------------------------------------
 // Tests
 
 #[test]
