@@ -110,6 +110,12 @@ impl Observation {
         self.filled.set(index, filled);
     }
 
+    /// Marks a range of voxels as known to be empty.
+    pub fn set_empty(&mut self, voxels: std::ops::Range<usize>) {
+        self.known.insert_range(voxels.clone());
+        self.filled.set_range(voxels, false);
+    }
+
     /// Size of the grid.
     pub fn dims(&self) -> Dims {
         self.dims

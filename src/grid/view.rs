@@ -52,12 +52,11 @@ fn top(object: &Occupancy) -> Observation {
     let dims = object.dims();
     let mut observation = Observation::unknown(dims);
     for column in 0..dims.columns() {
-        for index in (column * dims.z()..(column + 1) * dims.z()).rev() {
-            let filled = object.bits().contains(index);
-            observation.set(index, filled);
-            if filled {
-                break;
-            }
+        let (bottom, end) = (column * dims.z(), (column + 1) * dims.z());
+        let top = (bottom..end).rev().find(|index| object.bits().contains(*index));
+        observation.set_empty(top.map_or(bottom, |top| top + 1)..end);
+        if let Some(top) = top {
+            observation.set(top, true);
         }
     }
     observation

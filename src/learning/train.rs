@@ -349,18 +349,15 @@ impl HeldOut {
         let projected = project(&fit.sums, rank, labels.len(), |i| view.of(object(i)).hull().bits().clone());
         let mut hull = Vec::new();
         for strength in STRENGTHS {
-            let densities: Vec<Density> = (0..data.classes.len())
+            let by_class: Vec<(Vec<f64>, f64)> = (0..data.classes.len())
                 .into_par_iter()
                 .map(|s| {
                     let (mean, scale) = moments.density(s, strength);
-                    Density::new(&mean, &scale)
+                    let density = Density::new(&mean, &scale)?;
+                    Ok((density.distances2(projected.as_ref()), density.log_volume()))
                 })
-                .collect::<Result<_, _>>()?;
-            let score = |i: usize| {
-                let (z, mut scratch): (Vec<f32>, _) = ((0..rank).map(|j| projected[(i, j)]).collect(), vec![0.0; rank]);
-                densities.iter().map(|d| (d.distance2(&z, &mut scratch), d.log_volume())).collect()
-            };
-            hull.push((0..labels.len()).into_par_iter().map(score).collect());
+                .collect::<Result<_, LinearError>>()?;
+            hull.push((0..labels.len()).map(|i| by_class.iter().map(|(distances, volume)| (distances[i], *volume)).collect()).collect());
         }
 
         let subspaces: Vec<ClassSubspace> = fit.classes.iter().map(|c| ClassSubspace::new(data.dims, &fit.basis, &c.model)).collect();

@@ -109,11 +109,13 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
         (name, TensorView::new(dtype, shape, bytes).expect("the shapes were computed from the lengths"))
     });
     let partial = path.with_extension("partial");
+    // Made here first for its permissions: those of any new file, whereas the writer would make it readable for one user only.
+    let permissions = File::create(&partial).and_then(|file| file.metadata()).map_err(io)?.permissions();
     if let Err(error) = safetensors::serialize_to_file(views, Some(header), &partial) {
         let _ = std::fs::remove_file(&partial);
         return Err(io(std::io::Error::other(error)));
     }
-    std::fs::rename(&partial, path).map_err(io)
+    std::fs::set_permissions(&partial, permissions).and_then(|()| std::fs::rename(&partial, path)).map_err(io)
 }
 
 /// What a full check of a file found.
