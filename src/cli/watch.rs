@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 /// Print what the daemon perceives
@@ -50,6 +51,8 @@ impl Watch {
         // Whoever starts a producer after this line misses nothing.
         eprintln!("watching `{}`", self.instance);
         let mut out = std::io::stdout().lock();
+        let (drawings, drawn) = channel::<Drawing>();
+        let artist = std::thread::spawn(move || drawn.iter().try_for_each(Drawing::draw));
         let mut shown = 0;
         let mut housekeeping = Instant::now();
         while self.count.is_none_or(|count| shown < count) && !stop.load(Ordering::Relaxed) {
@@ -71,7 +74,10 @@ impl Watch {
                     return Ok(());
                 }
                 if let (Some(folder), Some(completion)) = (&self.png, &completion) {
-                    draw(folder, shown + 1, &percept, completion, &status)?;
+                    let drawing = Drawing::of(folder, shown + 1, &percept, completion, &status)?;
+                    if drawings.send(drawing).is_err() {
+                        break; // a picture could not be written: the thread's own error is reported below
+                    }
                 }
                 shown += 1;
             }
@@ -79,8 +85,12 @@ impl Watch {
                 subscriber.maintain();
                 housekeeping = Instant::now();
             }
+            if artist.is_finished() {
+                break;
+            }
         }
-        Ok(())
+        drop(drawings);
+        artist.join().unwrap_or_else(|_| Err(Failure::Failed("drawing failed".into())))
     }
 }
 
@@ -102,7 +112,7 @@ fn filled(completion: &Completion) -> usize {
     completion.occupancy().iter().filter(|byte| **byte >= 128).count()
 }
 
-fn class_name<'a>(status: &'a Status, index: u32) -> &'a str {
+fn class_name(status: &Status, index: u32) -> &str {
     status.class_names.get(index as usize).map_or("?", |field| from_field(field))
 }
 
@@ -143,24 +153,42 @@ fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Status, 
     format!("#{} {name} {:.1} % ({}), {completed}, {latency:.2} ms", percept.sequence, 100.0 * p, others.join(", "))
 }
 
-fn draw(folder: &Path, number: u64, percept: &Percept, completion: &Completion, status: &Status) -> Result<(), Failure> {
-    let [x, y, z] = completion.header().dims.map(|side| side as usize);
-    let dims = Dims::new(x, y, z)?;
-    // Observed voxels are those that are certain: 0 or 1 without deviation.
-    let mut observation = Observation::unknown(dims);
-    for (index, (occupancy, deviation)) in completion.occupancy().iter().zip(completion.deviation()).enumerate() {
-        if *deviation == 0 && (*occupancy == 0 || *occupancy == 255) {
-            observation.set(index, *occupancy == 255);
-        }
+/// A picture to be drawn: drawing takes longer than a percept, so it is done in another thread.
+struct Drawing {
+    path: PathBuf,
+    title: String,
+    dims: Dims,
+    occupancy: Vec<u8>,
+    deviation: Vec<u8>,
+}
+
+impl Drawing {
+    fn of(folder: &Path, number: u64, percept: &Percept, completion: &Completion, status: &Status) -> Result<Self, Failure> {
+        let [x, y, z] = completion.header().dims.map(|side| side as usize);
+        let name = class_name(status, percept.class_index);
+        let p = percept.posterior.get(percept.class_index as usize).copied().unwrap_or(0.0);
+        Ok(Self {
+            path: folder.join(format!("{number:04}-{}.png", name.replace(['/', '\\'], "_"))),
+            title: format!("#{} {name} {:.1} %", percept.sequence, 100.0 * p),
+            dims: Dims::new(x, y, z)?,
+            occupancy: completion.occupancy().to_vec(),
+            deviation: completion.deviation().to_vec(),
+        })
     }
-    let occupancy: Vec<f32> = completion.occupancy().iter().map(|byte| f32::from(*byte) / 255.0).collect();
-    let name = class_name(status, percept.class_index);
-    let p = percept.posterior.get(percept.class_index as usize).copied().unwrap_or(0.0);
-    let row = vec![
-        (draw_observation(&observation, 360), "query: seen and hidden".to_string()),
-        (draw_completion(&observation, &occupancy, 360), "completion".to_string()),
-    ];
-    let picture = sheet(&[row], &format!("#{} {name} {:.1} %", percept.sequence, 100.0 * p));
-    let path = folder.join(format!("{number:04}-{name}.png"));
-    picture.save(&path).map_err(|error| Failure::Failed(error.to_string()))
+
+    fn draw(self) -> Result<(), Failure> {
+        // Observed voxels are those that are certain: 0 or 1 without deviation.
+        let mut observation = Observation::unknown(self.dims);
+        for (index, (occupancy, deviation)) in self.occupancy.iter().zip(&self.deviation).enumerate() {
+            if *deviation == 0 && (*occupancy == 0 || *occupancy == 255) {
+                observation.set(index, *occupancy == 255);
+            }
+        }
+        let occupancy: Vec<f32> = self.occupancy.iter().map(|byte| f32::from(*byte) / 255.0).collect();
+        let row = vec![
+            (draw_observation(&observation, 360), "query: seen and hidden".to_string()),
+            (draw_completion(&observation, &occupancy, 360), "completion".to_string()),
+        ];
+        sheet(&[row], &self.title).save(&self.path).map_err(|error| Failure::Failed(error.to_string()))
+    }
 }

@@ -72,18 +72,23 @@ impl Density {
 /// Inner product over the shorter length, in partial sums that vectorise. The order of the sums is fixed, whatever the CPU.
 #[inline(always)]
 pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    const LANES: usize = 32;
     let n = a.len().min(b.len());
-    let (a, b) = (&a[..n], &b[..n]);
-    let mut sums = [0.0_f32; LANES];
-    let (chunks_a, chunks_b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let tail: f32 = chunks_a.remainder().iter().zip(chunks_b.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in chunks_a.zip(chunks_b) {
-        for i in 0..LANES {
+    let long = n - n % 32;
+    let short = n - n % 8;
+    let tail: f32 = a[short..n].iter().zip(&b[short..n]).map(|(x, y)| x * y).sum();
+    lanes::<32>(&a[..long], &b[..long]) + lanes::<8>(&a[long..short], &b[long..short]) + tail
+}
+
+/// Inner product of whole chunks of `N` values.
+#[inline(always)]
+fn lanes<const N: usize>(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0_f32; N];
+    for (x, y) in a.chunks_exact(N).zip(b.chunks_exact(N)) {
+        for i in 0..N {
             sums[i] += x[i] * y[i];
         }
     }
-    sums.iter().sum::<f32>() + tail
+    sums.iter().sum()
 }
 
 #[cfg(test)]
