@@ -1,4 +1,24 @@
 //! Bayesian Eigenobjects (Burchfiel & Konidaris, RSS 2017): class, pose and completed shape of partial voxel grids.
+//!
+//! Where the paper's equations live:
+//!
+//! | equation | what | where |
+//! | --- | --- | --- |
+//! | 1–4 | variational Bayesian PCA of each class | [`learning::vbpca`] |
+//! | 5 | projection of an object | [`perception::ColumnSums`] |
+//! | 6 | completion | [`perception::completion`], [`perception::ClassSubspace`] |
+//! | 7, 8 | mean and shrunk covariance of each class | [`learning`] (`shrinkage`) |
+//! | text after 9 | the shared basis W' | [`learning`] (`basis`), [`model::Basis`] |
+//! | 9, 10 | class posterior and density | [`perception::blend`], [`perception::Density`] |
+//! | 13–18 | projection of a partial query | [`perception`] (`paper`, `subspace`) |
+//! | section IV | protocol, tables and figures | [`evaluation`] |
+//!
+//! Beyond the paper: class densities of visual hulls ([`learning`], `hull_density`), the evidence of the known voxels
+//! ([`perception::ClassSubspace`]), and calibration on held-out objects ([`learning`], `calibration`).
+//!
+//! Imports run one way: [`grid`] ← [`shapes`], [`model`] ← [`perception`] ← [`learning`] (whose calibration scores held-out
+//! objects as queries are scored), [`evaluation`], [`service`] ← [`cli`]. [`picture`] draws what the last ones show, and
+//! [`linear`] wraps the factorisations. Only [`service`] and the subcommands know of shared memory (the crate `beo_ipc`).
 
 pub mod cli;
 pub mod evaluation;

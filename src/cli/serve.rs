@@ -84,6 +84,17 @@ impl Serve {
         let _ = std::io::stdout().flush();
         tracing::info!(daemon = daemon.id(), model = model.id, "ready");
         daemon.run(&stop)?;
+        let status = daemon.status();
+        tracing::info!(
+            received = status.received,
+            answered = status.answered,
+            dropped = status.dropped,
+            refused = status.refused,
+            p50_us = status.latency_p50_ns / 1000,
+            p90_us = status.latency_p90_ns / 1000,
+            p99_us = status.latency_p99_ns / 1000,
+            "stopped"
+        );
         Ok(())
     }
 }

@@ -141,7 +141,9 @@ mod tests {
 
     fn shapes(dims: Dims, count: usize, kind: usize) -> Vec<Occupancy> {
         (0..count)
-            .map(|s| Occupancy::from_fn(dims, |i, j, k| i + kind * j < 6 + s % 4 && (k * (s + 3) + j * kind + s) % (3 + s % 3) != 0))
+            .map(|s| {
+                Occupancy::from_fn(dims, |i, j, k| i + kind * j < 6 + s % 4 && !(k * (s + 3) + j * kind + s).is_multiple_of(3 + s % 3))
+            })
             .collect()
     }
 

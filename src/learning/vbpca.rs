@@ -33,8 +33,8 @@ pub struct Component {
     pub singular_value: f64,
     /// Singular value of the posterior mean of W C, γ̂ < γ.
     pub shrunk: f64,
-    /// Variance of an object along this direction of unit length: ‖E[w]‖² times the mean of E[c²] over the objects,
-    /// γ̂²/n + γ̂σ²/γ. Unlike ‖E[w]‖² alone it does not depend on how the priors share the scale between W and C.
+    /// Variance of an object along this direction of unit length: ‖E w‖² times the mean of E c² over the objects,
+    /// γ̂²/n + γ̂σ²/γ. Unlike ‖E w‖² alone it does not depend on how the priors share the scale between W and C.
     pub variance: f64,
 }
 

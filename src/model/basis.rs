@@ -22,7 +22,7 @@ enum Storage {
 impl Basis {
     /// A basis of d × `rank` values, row after row.
     pub fn new(rank: usize, rows: Vec<f16>) -> Self {
-        assert!(rank > 0 && rows.len() % rank == 0, "whole rows");
+        assert!(rank > 0 && rows.len().is_multiple_of(rank), "whole rows");
         Self { rank, storage: Storage::Owned(rows.into()) }
     }
 

@@ -74,7 +74,7 @@ impl Daemon {
         for (field, name) in status.class_names.iter_mut().zip(model.class_names()) {
             *field = to_field(name);
         }
-        let daemon = Self {
+        let mut daemon = Self {
             server,
             streams: Streams::new(model.dims()),
             answerer: Answerer::new(perceiver, options.query.clone()),
@@ -89,6 +89,11 @@ impl Daemon {
     /// This run's identity.
     pub fn id(&self) -> u64 {
         self.server.daemon_id()
+    }
+
+    /// What it has done so far.
+    pub fn status(&self) -> &Status {
+        &self.status
     }
 
     /// Serves until `stop` is set. What already waits is then answered before returning.
@@ -160,8 +165,6 @@ impl Daemon {
         let now = monotonic_ns();
         if now.saturating_sub(*heartbeat) >= HEARTBEAT.as_nanos() as u64 {
             *heartbeat = now;
-            let [p50, p90, p99] = self.latencies.percentiles();
-            (self.status.latency_p50_ns, self.status.latency_p90_ns, self.status.latency_p99_ns) = (p50, p90, p99);
             self.publish_status();
         }
         if now.saturating_sub(*housekeeping) >= HOUSEKEEPING_NS {
@@ -170,7 +173,9 @@ impl Daemon {
         }
     }
 
-    fn publish_status(&self) {
+    fn publish_status(&mut self) {
+        let [p50, p90, p99] = self.latencies.percentiles();
+        (self.status.latency_p50_ns, self.status.latency_p90_ns, self.status.latency_p99_ns) = (p50, p90, p99);
         if let Err(error) = self.server.publish_status(&self.status) {
             tracing::warn!(%error, "the status could not be sent");
         }
