@@ -90,7 +90,16 @@ impl Running {
 }
 
 impl Drop for Running {
+    /// Ends it as Ctrl-C would, so that it leaves nothing in shared memory; what does not end is killed.
     fn drop(&mut self) {
+        let ended = |child: &mut Child| !matches!(child.try_wait(), Ok(None));
+        if !ended(&mut self.child) {
+            self.signal(rustix::process::Signal::INT);
+        }
+        let start = Instant::now();
+        while !ended(&mut self.child) && start.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
