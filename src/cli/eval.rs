@@ -107,6 +107,10 @@ impl Eval {
         let Some(view) = self.view.view() else {
             return Err(Failure::Usage("--view none: evaluation needs complete shapes; use --view top".into()));
         };
+        let PoseArgument::Known = self.pose;
+        if self.limit == Some(0) {
+            return Err(Failure::Usage("--limit 0: nothing to answer; use at least 1".into()));
+        }
         if let Some(folder) = &self.png {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
         }

@@ -1,10 +1,11 @@
 //! `beo observe`: a camera-side producer that writes observations of shapes into shared memory.
 
+use super::eval::PoseArgument;
 use super::failure::Failure;
 use super::shapes::{MeshArguments, ViewArgument};
 use super::stop;
 use crate::grid::{Dims, Observation};
-use beo_ipc::{InstanceName, ObservationHeader, Producer, Status, Subscriber, SubscriberOptions};
+use beo_ipc::{InstanceName, ObservationHeader, PoseSearch, Producer, Status, Subscriber, SubscriberOptions};
 use clap::Args;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -22,6 +23,9 @@ pub struct Observe {
     /// What is seen of a file
     #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
     view: ViewArgument,
+    /// What is known of the pose
+    #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
+    pose: PoseArgument,
     /// Observations per second
     #[arg(long, default_value_t = 30.0, value_name = "HZ")]
     rate: f64,
@@ -35,8 +39,8 @@ pub struct Observe {
     mesh: MeshArguments,
 }
 
-/// How long the last answers are waited for.
-const LAST_ANSWERS: Duration = Duration::from_secs(5);
+/// A daemon that has not answered for so long has nothing more to answer.
+const SILENCE: Duration = Duration::from_secs(2);
 
 impl Observe {
     /// Runs the command.
@@ -58,6 +62,9 @@ impl Observe {
             return Err(Failure::Failed(format!("{} is a grid of {found}, the daemon's model is for {dims}", file.display())));
         }
         let mut template = ObservationHeader::new(status.dims);
+        template.pose_search = match self.pose {
+            PoseArgument::Known => PoseSearch::Known.code(),
+        };
         if self.view == ViewArgument::Top {
             template.view = beo_ipc::View::TopDown.code();
         }
@@ -83,11 +90,15 @@ impl Observe {
             }
             answered += drain(&subscriber, producer.id())?;
         }
-        // The memory of what was sent goes with this process: stay until the daemon has taken it.
-        let deadline = Instant::now() + LAST_ANSWERS;
-        while answered < sent && Instant::now() < deadline && !stop.load(Ordering::Relaxed) {
+        // The memory of what was sent goes with this process: stay until the daemon has answered, or has fallen silent because
+        // newer observations of the same object replaced those that are missing.
+        let mut quiet = Instant::now();
+        while answered < sent && quiet.elapsed() < SILENCE && !stop.load(Ordering::Relaxed) {
             subscriber.wait(Duration::from_millis(50))?;
-            answered += drain(&subscriber, producer.id())?;
+            let more = drain(&subscriber, producer.id())?;
+            if more > 0 {
+                (answered, quiet) = (answered + more, Instant::now());
+            }
         }
         println!("sent {sent} observations, {answered} answered");
         Ok(())

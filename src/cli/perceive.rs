@@ -1,6 +1,6 @@
 //! `beo perceive`: answer files without a daemon.
 
-use super::eval::{PriorArgument, ProjectionArgument};
+use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::shapes::{MeshArguments, ViewArgument};
 use crate::model::load;
@@ -23,6 +23,9 @@ pub struct Perceive {
     /// What is seen of a file
     #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
     view: ViewArgument,
+    /// What is known of the pose
+    #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
+    pose: PoseArgument,
     /// Method: auto, hull, evidence, paper or mean
     #[arg(long, default_value = "auto")]
     method: Method,
@@ -42,6 +45,7 @@ pub struct Perceive {
 impl Perceive {
     /// Runs the command. Files that cannot be answered are named; the others are answered all the same.
     pub fn run(self) -> Result<(), Failure> {
+        let PoseArgument::Known = self.pose;
         let model = Arc::new(load(&self.model)?);
         let read = self.mesh.read_options(model.dims())?;
         let perceiver = Perceiver::new(model.clone())?;
@@ -58,7 +62,7 @@ impl Perceive {
         for file in &self.files {
             let answer = self.view.observe(file, &read).and_then(|observation| {
                 perceiver.classify(&observation, &query, &mut work, &mut percept)?;
-                perceiver.complete(&observation, &query, &mut work, &mut percept)?;
+                perceiver.complete(&query, &mut work, &mut percept)?;
                 Ok(())
             });
             if let Err(failure) = answer {

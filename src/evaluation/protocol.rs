@@ -142,14 +142,14 @@ pub fn evaluate(
     if let Some(shape) = shapes.first() {
         let observation = view.of(&shape.object);
         perceiver.classify(&observation, &query, &mut work, &mut percept)?;
-        perceiver.complete(&observation, &query, &mut work, &mut percept)?;
+        perceiver.complete(&query, &mut work, &mut percept)?;
     }
     for shape in shapes {
         let truth = classes[shape.class];
         let observation = view.of(&shape.object);
         let start = Instant::now();
         perceiver.classify(&observation, &query, &mut work, &mut percept)?;
-        perceiver.complete(&observation, &query, &mut work, &mut percept)?;
+        perceiver.complete(&query, &mut work, &mut percept)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         let figures = completion_figures(&shape.object, &observation, &percept, |v| perceiver.class_mean(percept.class, v));
         sums.iou_unknown += figures.iou_unknown;

@@ -180,13 +180,7 @@ impl Perceiver {
     }
 
     /// Completes the observation that was last classified with `work`, into `percept`.
-    pub fn complete(
-        &self,
-        observation: &Observation,
-        query: &Query,
-        work: &mut Workspace,
-        percept: &mut Percept,
-    ) -> Result<(), PerceiveError> {
+    pub fn complete(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
         let dims = self.model.dims();
         for values in [&mut percept.occupancy, &mut percept.deviation] {
             values.clear();
@@ -195,7 +189,6 @@ impl Perceiver {
         for &voxel in &work.filled {
             percept.occupancy[voxel] = 1.0;
         }
-        debug_assert_eq!(observation.dims(), dims);
         match query.method {
             Method::Paper => self.complete_as_the_paper(query, work, percept),
             Method::Mean => {

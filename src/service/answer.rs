@@ -74,7 +74,7 @@ impl Answerer {
 
     /// Writes the completion in place into shared memory.
     fn complete(&mut self, server: &Server, waiting: &Waiting) -> Result<(), String> {
-        self.perceiver.complete(&waiting.observation, &self.query, &mut self.work, &mut self.percept).map_err(|error| error.to_string())?;
+        self.perceiver.complete(&self.query, &mut self.work, &mut self.percept).map_err(|error| error.to_string())?;
         let mut loan = server.loan_completion(&waiting.header).map_err(|error: LoanError| error.to_string())?;
         let header = loan.header_mut();
         header.model_id = self.perceiver.model().id;
