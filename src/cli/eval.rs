@@ -77,7 +77,7 @@ pub enum PriorArgument {
 pub enum ProjectionArgument {
     /// Lasso with λ = 1e-5 (eq. 18)
     Lasso,
-    /// Ridge of 1e-2
+    /// Ridge of 1e-3
     Ridge,
 }
 
@@ -86,7 +86,7 @@ impl ProjectionArgument {
     pub fn projection(self) -> Projection {
         match self {
             ProjectionArgument::Lasso => Projection::default(),
-            ProjectionArgument::Ridge => Projection::Ridge(1e-2),
+            ProjectionArgument::Ridge => Projection::Ridge(1e-3),
         }
     }
 }

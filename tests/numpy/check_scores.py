@@ -267,7 +267,7 @@ class Model:
 
         rows = self.basis[known]
         A, b = rows.T @ rows, rows.T @ w
-        ridge = np.linalg.solve(A + 1e-2 * np.eye(len(b)), b)
+        ridge = np.linalg.solve(A + 1e-3 * np.eye(len(b)), b)
         for name, solutions in (("paper", lasso(A, b, 1e-5)), ("paper, ridge", [ridge])):
             out[name] = []
             for projected in solutions:
