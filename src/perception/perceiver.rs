@@ -18,7 +18,7 @@ const LEAST_SHARE: f64 = 0.05;
 const MOST_PARTS: usize = 3;
 /// Classes whose posterior by the hull is below this share of the best one's are not worth computing their evidence, which
 /// weighs little in the blend.
-const HOPELESS: f64 = 1e-4;
+const HOPELESS: f64 = 1e-5;
 /// Layers of constant x that one task completes.
 const SLAB: usize = 4;
 
