@@ -48,17 +48,17 @@ impl Demo {
         let files = make_furniture(&self.png, dims, self.seed)?;
         let count = files.len().to_string();
 
-        println!("1. the daemon: beo serve --model {} --instance {instance}", self.model.display());
+        say!("1. the daemon: beo serve --model {} --instance {instance}", self.model.display());
         let mut daemon = Process::start("beo serve", &["serve", "--instance", &instance, "--model"], &[&self.model])?;
         let mut ready = String::new();
         BufReader::new(daemon.output()?).read_line(&mut ready)?;
         if ready.is_empty() {
             return Err(Failure::Failed("the daemon did not start; its own message stands above".into()));
         }
-        println!("2. a robot's process: beo watch --instance {instance} --json --png {}", self.png.display());
+        say!("2. a robot's process: beo watch --instance {instance} --json --png {}", self.png.display());
         let mut watcher = Process::start(WATCHER, &["watch", "--instance", &instance, "--count", &count, "--json", "--png"], &[&self.png])?;
         watcher.wait_until_watching()?;
-        println!("3. the camera: beo observe {} pieces of made-up furniture, seen from above\n", files.len());
+        say!("3. the camera: beo observe {} pieces of made-up furniture, seen from above\n", files.len());
         let arguments = ["observe", "--instance", &instance, "--rate", "10"];
         let mut camera = Process::start("beo observe", &arguments, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
 
@@ -71,7 +71,7 @@ impl Demo {
             let made = furniture::CLASSES[(line["sequence"].as_u64().unwrap_or(1) as usize - 1) % files.len()];
             let class = line["class"].as_str().unwrap_or("refused");
             right += usize::from(class == made);
-            println!(
+            say!(
                 "   made-up {made:<12} → {class:<12} {:>5.1} %   {:>5} voxels after completion   {:>6.2} ms",
                 100.0 * line["posterior"][class].as_f64().unwrap_or(0.0),
                 line["completion"]["filled"],
@@ -85,7 +85,7 @@ impl Demo {
         if seen < files.len() {
             return Err(Failure::Failed(format!("only {seen} of {} observations were answered", files.len())));
         }
-        println!("\n{right} of {seen} named as they were made; pictures of query and completion are in {}/", self.png.display());
+        say!("\n{right} of {seen} named as they were made; pictures of query and completion are in {}/", self.png.display());
         Ok(())
     }
 }

@@ -156,7 +156,7 @@ impl Eval {
             bar.finish_and_clear();
             evaluations.push(evaluation?);
         }
-        print!("{}", table(&evaluations));
+        say!("{}", table(&evaluations).trim_end());
         if let Some(path) = &self.json {
             let text = match evaluations.as_slice() {
                 [one] => serde_json::to_string_pretty(one)?,

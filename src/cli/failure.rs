@@ -7,6 +7,8 @@ pub enum Failure {
     Usage(String),
     /// It could not be done: exit code 1.
     Failed(String),
+    /// Whoever read its output has gone away: exit code 0, no message.
+    ReaderGone,
 }
 
 impl Failure {
@@ -15,6 +17,7 @@ impl Failure {
         match self {
             Failure::Usage(_) => 2,
             Failure::Failed(_) => 1,
+            Failure::ReaderGone => 0,
         }
     }
 }
@@ -23,6 +26,7 @@ impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Failure::Usage(line) | Failure::Failed(line) => f.write_str(line),
+            Failure::ReaderGone => f.write_str("nobody reads the output any more"),
         }
     }
 }

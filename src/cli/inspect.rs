@@ -36,11 +36,11 @@ impl Inspect {
         }
         let model = load(&self.model)?;
         let bytes = std::fs::metadata(&self.model).map(|m| m.len()).unwrap_or(0);
-        println!("{}", self.model.display());
-        print!("{}\n{}\n{}", summary(&model, bytes), classes(&model), calibration(&model.metadata));
+        say!("{}", self.model.display());
+        say!("{}\n{}\n{}", summary(&model, bytes), classes(&model), calibration(&model.metadata).trim_end());
         if self.verify {
             let report = verify(&self.model)?;
-            println!("\n{} tensors, {:.1} MB, all as written", report.tensors, report.bytes as f64 / 1e6);
+            say!("\n{} tensors, {:.1} MB, all as written", report.tensors, report.bytes as f64 / 1e6);
         }
         if let Some(folder) = &self.png {
             draw(&model, folder)?;

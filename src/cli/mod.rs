@@ -1,5 +1,8 @@
 //! The command line, one file per subcommand.
 
+#[macro_use]
+mod output;
+
 mod demo;
 mod eval;
 mod failure;
@@ -77,6 +80,7 @@ pub fn run() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        Err(failure::Failure::ReaderGone) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("beo: {failure}");
             ExitCode::from(failure.code())

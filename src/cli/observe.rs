@@ -100,7 +100,7 @@ impl Observe {
                 (answered, quiet) = (answered + more, Instant::now());
             }
         }
-        println!("sent {sent} observations, {answered} answered");
+        say!("sent {sent} observations, {answered} answered");
         Ok(())
     }
 }

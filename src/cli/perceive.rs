@@ -81,18 +81,12 @@ impl Perceive {
                     "scores": scores,
                     "completion": { "dims": <[usize; 3]>::from(model.dims()), "filled": filled },
                 });
-                println!("{line}");
+                say!("{line}");
             } else {
                 let mut ranked: Vec<(&str, f64)> = posterior.into_iter().collect();
                 ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
                 let others: Vec<String> = ranked[1..].iter().take(2).map(|(name, p)| format!("{name} {:.1} %", 100.0 * p)).collect();
-                println!(
-                    "{}: {} {:.1} % ({}), {filled} voxels filled",
-                    file.display(),
-                    ranked[0].0,
-                    100.0 * ranked[0].1,
-                    others.join(", ")
-                );
+                say!("{}: {} {:.1} % ({}), {filled} voxels filled", file.display(), ranked[0].0, 100.0 * ranked[0].1, others.join(", "));
             }
         }
         match failed {

@@ -9,7 +9,6 @@ use crate::service::{Daemon, ServeOptions};
 use beo_ipc::InstanceName;
 use clap::Args;
 use serde::Deserialize;
-use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -80,8 +79,7 @@ impl Serve {
         let model_name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let mut daemon = Daemon::open(perceiver, &ServeOptions { instance: instance.clone(), query, model_name })?;
         // Scripts wait for this line.
-        println!("serving `{instance}` with {}: {} classes, {}", path.display(), model.classes.len(), model.dims());
-        let _ = std::io::stdout().flush();
+        say!("serving `{instance}` with {}: {} classes, {}", path.display(), model.classes.len(), model.dims());
         tracing::info!(daemon = daemon.id(), model = model.id, "ready");
         daemon.run(&stop)?;
         let status = daemon.status();

@@ -103,7 +103,7 @@ impl Train {
         save(&model, &self.out)?;
         let bytes = std::fs::metadata(&self.out).map(|m| m.len()).unwrap_or(0);
         let calibration = &model.metadata.calibration;
-        println!(
+        say!(
             "learned {} classes from {} shapes in {:.1} s ({:.1} s reading): rank {}, held-out accuracy {:.3} on {} objects",
             model.classes.len(),
             shapes.shapes.len(),
@@ -113,7 +113,7 @@ impl Train {
             calibration.accuracy,
             calibration.objects,
         );
-        println!("wrote {} ({:.1} MB)", self.out.display(), bytes as f64 / 1e6);
+        say!("wrote {} ({:.1} MB)", self.out.display(), bytes as f64 / 1e6);
         Ok(())
     }
 }

@@ -11,7 +11,6 @@ use beo_ipc::{Completion, InstanceName, Percept, PerceptStatus, Status, Subscrib
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::channel;
@@ -50,7 +49,6 @@ impl Watch {
         let mut status = first_status(&subscriber, deadline)?;
         // Whoever starts a producer after this line misses nothing.
         eprintln!("watching `{}`", self.instance);
-        let mut out = std::io::stdout().lock();
         let (drawings, drawn) = channel::<Drawing>();
         let artist = std::thread::spawn(move || drawn.iter().try_for_each(Drawing::draw));
         let mut shown = 0;
@@ -69,10 +67,7 @@ impl Watch {
                 } else {
                     as_text(&percept, &completion, &status, read_ns)
                 };
-                // A reader that has gone away is no fault of ours.
-                if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
-                    return Ok(());
-                }
+                say!("{line}");
                 if let (Some(folder), Some(completion)) = (&self.png, &completion) {
                     let drawing = Drawing::of(folder, shown + 1, &percept, completion, &status)?;
                     if drawings.send(drawing).is_err() {

@@ -1,6 +1,6 @@
 //! What a user sees who asks for something wrong: one line that says what to do, exit code 1 or 2.
 
-use crate::harness::{RESOLUTION, instance, model, run, shape, text};
+use crate::harness::{RESOLUTION, Running, beo, instance, model, run, shape, text};
 use std::path::Path;
 
 /// Runs and expects a failure with this exit code whose message names all of `parts`.
@@ -88,6 +88,19 @@ fn perceive_answers_what_it_can_and_names_what_it_cannot() {
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(text(&output.stdout).lines().count(), 2);
     assert!(text(&output.stderr).contains("bad.off"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_reader_that_goes_away_ends_the_command_quietly() {
+    let folder = tempfile::tempdir().unwrap();
+    let chair = shape(folder.path(), "chair", 500);
+    let mut command = beo(["perceive".as_ref(), "--model".as_ref(), model().as_os_str()]);
+    command.args(std::iter::repeat_n(&chair, 50));
+    let mut running = Running::start(command);
+    drop(running.stdout.take());
+    let status = running.wait();
+    let messages: Vec<String> = running.stderr.take().unwrap().iter().collect();
+    assert!(status.success() && messages.is_empty(), "{status}: {messages:?}");
 }
 
 /// Writes a NumPy file of bytes.
