@@ -80,6 +80,19 @@ pub fn log_determinant(factor: MatRef<'_, f64>) -> f64 {
     (0..factor.nrows()).map(|i| 2.0 * factor[(i, i)].ln()).sum()
 }
 
+/// Solves M x = b for M = L Lᵀ in place: `x` holds b, then the solution.
+pub fn solve_cholesky(factor: &Mat<f64>, x: &mut [f64]) {
+    let n = x.len();
+    for i in 0..n {
+        let sum: f64 = (0..i).map(|j| factor[(i, j)] * x[j]).sum();
+        x[i] = (x[i] - sum) / factor[(i, i)];
+    }
+    for i in (0..n).rev() {
+        let sum: f64 = factor.col_as_slice(i)[i + 1..].iter().zip(&x[i + 1..]).map(|(l, x)| l * x).sum();
+        x[i] = (x[i] - sum) / factor[(i, i)];
+    }
+}
+
 /// L⁻¹ of a lower triangular factor.
 pub fn invert_lower(factor: MatRef<'_, f64>) -> Mat<f64> {
     let n = factor.nrows();
@@ -123,6 +136,12 @@ mod tests {
                 assert!((product[(i, j)] - example()[(i, j)]).abs() < 1e-12);
                 assert!((identity[(i, j)] - f64::from(u8::from(i == j))).abs() < 1e-12);
             }
+        }
+        // numpy.linalg.solve(A, [1, -2, 0.5])
+        let mut x = [1.0, -2.0, 0.5];
+        solve_cholesky(&factor, &mut x);
+        for (value, expected) in x.iter().zip([0.448795180723, -0.813253012048, 0.036144578313]) {
+            assert!((value - expected).abs() < 1e-9, "{x:?}");
         }
         assert!((log_determinant(factor.as_ref()) - 20.75_f64.ln()).abs() < 1e-12);
     }

@@ -1,6 +1,6 @@
 //! Fitting what turns scores into probabilities, on objects that the scoring model has not seen.
 
-use crate::linear::{LinearError, cholesky};
+use crate::linear::{LinearError, cholesky, solve_cholesky};
 use faer::Mat;
 
 /// A regularised logistic model fitted by Newton's method.
@@ -24,14 +24,7 @@ impl Newton {
             }
             cholesky(&mut hessian)?;
             let mut step = gradient.clone();
-            for i in 0..n {
-                let sum: f64 = (0..i).map(|j| hessian[(i, j)] * step[j]).sum();
-                step[i] = (step[i] - sum) / hessian[(i, i)];
-            }
-            for i in (0..n).rev() {
-                let sum: f64 = (i + 1..n).map(|j| hessian[(j, i)] * step[j]).sum();
-                step[i] = (step[i] - sum) / hessian[(i, i)];
-            }
+            solve_cholesky(&hessian, &mut step);
             let decrease: f64 = gradient.iter().zip(&step).map(|(g, s)| g * s).sum();
             if decrease < 1e-12 {
                 break;

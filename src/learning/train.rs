@@ -372,8 +372,8 @@ impl HeldOut {
         let measure = |(position, completed): (&usize, &bool)| -> Result<Measured, LinearError> {
             let truth = object(*position);
             let observation = view.of(truth);
-            let query = KnownOf::new(&observation);
-            let known = Known { unknown: &query.unknown, filled: &query.filled };
+            let mut known = Known::new(data.dims);
+            known.read(&observation);
             let (mut evidence, mut distance, mut voxels) =
                 (vec![Vec::new(); INFLATIONS.len()], Vec::new(), vec![Vec::new(); INFLATIONS.len()]);
             let mut conditionals: Vec<Conditional> = subspaces.iter().map(|s| Conditional::new(s.size())).collect();
@@ -385,10 +385,10 @@ impl HeldOut {
                 }
                 distance.push(-conditional.distance2);
             }
-            if *completed && !query.unknown.is_empty() {
+            if *completed && !known.unknown.is_empty() {
                 // The class is taken as known here: the calibration then speaks of the shape, not of the classifier.
                 let s = labels[*position];
-                let hidden: usize = query.unknown.iter().map(|(start, end)| end - start).sum();
+                let hidden: usize = known.unknown.iter().map(|(start, end)| end - start).sum();
                 let stride = hidden.div_ceil(COMPLETED_VOXELS);
                 let weight = 1.0 / (hidden.div_ceil(stride) * COMPLETED_OBJECTS) as f32;
                 for (inflation, voxels) in INFLATIONS.iter().zip(&mut voxels) {
@@ -396,7 +396,7 @@ impl HeldOut {
                     subspaces[s].prepare(&mut conditionals[s]);
                     let parts = [Part { weight: 1.0, class: &subspaces[s], conditional: &conditionals[s] }];
                     let mut seen = 0;
-                    for_each_unknown(&parts, &query.unknown, &mut Scratch::default(), |voxel, features| {
+                    for_each_unknown(&parts, &known.unknown, &mut Scratch::default(), |voxel, features| {
                         if seen % stride == 0 {
                             voxels.push((features.regressors(), weight, truth.bits().contains(voxel)));
                         }
@@ -417,23 +417,6 @@ impl HeldOut {
         let a = self.rank as f64;
         let score = |(m, volume): &(f64, f64)| volume - 0.5 * (freedom + a) * (m / freedom).ln_1p();
         self.hull[strength].iter().map(|row| row.iter().map(score).collect()).collect()
-    }
-}
-
-/// Unknown runs and filled voxels of an observation.
-struct KnownOf {
-    unknown: Vec<(usize, usize)>,
-    filled: Vec<usize>,
-}
-
-impl KnownOf {
-    fn new(observation: &crate::grid::Observation) -> Self {
-        let dims = observation.dims();
-        let mut unknown_bits = observation.hull().bits().clone();
-        unknown_bits.difference_with(observation.filled());
-        let mut unknown = Vec::new();
-        crate::grid::for_each_run(&unknown_bits, dims, 0..dims.columns(), |start, end| unknown.push((start, end)));
-        Self { unknown, filled: observation.filled().ones().collect() }
     }
 }
 

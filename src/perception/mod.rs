@@ -2,6 +2,7 @@
 //!
 //! | file | what | source |
 //! | --- | --- | --- |
+//! | `known` | an observation taken apart: hull, unknown runs, filled voxels | V_q, w_q of eq. 13 |
 //! | `projection` | linear projection onto W' by runs of voxels | eq. 5 |
 //! | `density` | Gaussian and Student-t class densities | eqs. 9, 10 |
 //! | `subspace` | a class conditioned on the known voxels: evidence, posterior mean and variance | eqs. 1, 6, 15–17 |
@@ -13,6 +14,7 @@
 pub mod blend;
 pub mod completion;
 mod density;
+mod known;
 mod method;
 mod paper;
 mod perceiver;
@@ -21,9 +23,10 @@ mod projection;
 mod subspace;
 
 pub use density::Density;
+pub use known::Known;
 pub use method::Method;
 pub use paper::Projection;
 pub use perceiver::{PerceiveError, Perceiver, Workspace};
 pub use percept::{Percept, Query};
 pub use projection::ColumnSums;
-pub use subspace::{ClassSubspace, Conditional, Known};
+pub use subspace::{ClassSubspace, Conditional};

@@ -4,8 +4,8 @@
 //! ½ o'ᵀA o' − bᵀo' + λ ‖o'‖₁, by coordinate descent on the Gram A. With the paper's λ = 1e-5 the penalty itself does almost
 //! nothing; A is so badly conditioned that what regularises is to stop when the coefficients no longer move noticeably.
 
-use super::subspace::Known;
-use crate::linear::{LinearError, cholesky};
+use super::known::Known;
+use crate::linear::{LinearError, cholesky, solve_cholesky};
 use crate::model::Basis;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
@@ -72,12 +72,12 @@ fn gram_over(basis: &Basis, runs: &[(usize, usize)]) -> Mat<f64> {
 
 /// A = W'ᵀVᵀV W' (eq. 16), lower half, and b = W'ᵀVᵀw (eq. 17). `full` is [`full_gram`], from which the unknown voxels are
 /// taken away: with the identity instead, the rounding of W' shows in the ill-conditioned directions of A.
-pub fn normal_equations(basis: &Basis, full: &Mat<f64>, known: &Known<'_>) -> (Mat<f64>, Vec<f64>) {
+pub fn normal_equations(basis: &Basis, full: &Mat<f64>, known: &Known) -> (Mat<f64>, Vec<f64>) {
     let a = basis.rank();
-    let gram = full - gram_over(basis, known.unknown);
+    let gram = full - gram_over(basis, &known.unknown);
     let mut b = vec![0.0; a];
     let mut row = vec![0.0_f32; a];
-    for &voxel in known.filled {
+    for &voxel in &known.filled {
         basis.widen(voxel..voxel + 1, &mut row);
         b.iter_mut().zip(&row).for_each(|(sum, v)| *sum += f64::from(*v));
     }
@@ -98,14 +98,7 @@ fn ridge(gram: &Mat<f64>, b: &[f64], strength: f64) -> Result<Vec<f64>, LinearEr
     (0..n).for_each(|i| factor[(i, i)] += strength);
     cholesky(&mut factor)?;
     let mut x = b.to_vec();
-    for i in 0..n {
-        let sum: f64 = (0..i).map(|j| factor[(i, j)] * x[j]).sum();
-        x[i] = (x[i] - sum) / factor[(i, i)];
-    }
-    for i in (0..n).rev() {
-        let sum: f64 = factor.col_as_slice(i)[i + 1..].iter().zip(&x[i + 1..]).map(|(l, x)| l * x).sum();
-        x[i] = (x[i] - sum) / factor[(i, i)];
-    }
+    solve_cholesky(&factor, &mut x);
     Ok(x)
 }
 
@@ -184,7 +177,8 @@ mod tests {
         let unknown: Vec<(usize, usize)> = (0..64).map(|c| (c * 8, c * 8 + c % 9)).filter(|(s, e)| s < e).collect();
         let is_unknown = |v: usize| unknown.iter().any(|&(s, e)| (s..e).contains(&v));
         let filled: Vec<usize> = (0..d).filter(|&v| !is_unknown(v) && v % 3 == 0).collect();
-        let (gram, b) = normal_equations(&basis, &full_gram(&basis), &Known { unknown: &unknown, filled: &filled });
+        let known = Known { unknown: unknown.clone(), filled: filled.clone(), ..Known::default() };
+        let (gram, b) = normal_equations(&basis, &full_gram(&basis), &known);
         for i in 0..a {
             for j in 0..=i {
                 let expected = if i == j { (0..d).filter(|v| v % a == i && !is_unknown(*v)).count() as f64 / 128.0 } else { 0.0 };

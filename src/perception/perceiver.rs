@@ -2,13 +2,13 @@
 
 use super::blend::{Scores, softmax};
 use super::completion::{self, Part, for_each_unknown};
+use super::known::Known;
 use super::paper;
-use super::subspace::{ClassSubspace, Conditional, Known};
+use super::subspace::{ClassSubspace, Conditional};
 use super::{ColumnSums, Density, Method, Percept, Query};
-use crate::grid::{Dims, Observation, for_each_run};
+use crate::grid::{Dims, Observation};
 use crate::linear::LinearError;
 use crate::model::{Blend, Model};
-use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
@@ -56,11 +56,9 @@ pub enum PerceiveError {
 
 /// Scratch memory of one thread.
 pub struct Workspace {
-    hull_bits: FixedBitSet,
-    unknown_runs: Vec<(usize, usize)>,
-    filled: Vec<usize>,
+    known: Known,
     projected: Vec<f32>,
-    centred: Vec<Vec<f32>>,
+    centred: Vec<f32>,
     scores: Scores,
     /// Classes whose evidence is computed.
     wanted: Vec<bool>,
@@ -102,11 +100,9 @@ impl Perceiver {
     pub fn workspace(&self) -> Workspace {
         let (dims, m) = (self.model.dims(), self.model.classes.len());
         Workspace {
-            hull_bits: FixedBitSet::with_capacity(dims.voxels()),
-            unknown_runs: Vec::with_capacity(dims.voxels() / 2),
-            filled: Vec::with_capacity(dims.voxels()),
+            known: Known::new(dims),
             projected: vec![0.0; self.model.rank()],
-            centred: vec![vec![0.0; self.model.rank()]; m],
+            centred: vec![0.0; self.model.rank()],
             scores: Scores::default(),
             wanted: vec![false; m],
             conditionals: self.subspaces.iter().map(|s| Conditional::new(s.size())).collect(),
@@ -129,7 +125,7 @@ impl Perceiver {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
         }
         work.read(observation);
-        percept.informed = !work.filled.is_empty();
+        percept.informed = !work.known.filled.is_empty();
         percept.scores.clear();
         percept.log_evidence.clear();
         percept.log_evidence.resize(m, 0.0);
@@ -186,14 +182,14 @@ impl Perceiver {
             values.clear();
             values.resize(dims.voxels(), 0.0);
         }
-        for &voxel in &work.filled {
+        for &voxel in &work.known.filled {
             percept.occupancy[voxel] = 1.0;
         }
         match query.method {
             Method::Paper => self.complete_as_the_paper(query, work, percept),
             Method::Mean => {
                 let class = &self.subspaces[percept.class];
-                complete_plainly(&work.unknown_runs, percept, |voxel| class.mean(voxel));
+                complete_plainly(&work.known.unknown, percept, |voxel| class.mean(voxel));
                 Ok(())
             }
             _ => self.complete_by_evidence(work, percept),
@@ -201,22 +197,21 @@ impl Perceiver {
     }
 
     fn score_hull(&self, view: usize, work: &mut Workspace) {
-        self.sums.project(&work.hull_bits, &mut work.projected);
+        self.sums.project(&work.known.hull, &mut work.projected);
         let dof = self.model.metadata.calibration.degrees_of_freedom;
-        let scores = self.hulls[view].iter().zip(&mut work.centred).map(|(d, scratch)| d.log_student(&work.projected, dof, scratch));
+        let scores = self.hulls[view].iter().map(|d| d.log_student(&work.projected, dof, &mut work.centred));
         work.scores.hull.clear();
         work.scores.hull.extend(scores);
     }
 
     /// Evidence of the classes that are `wanted`. The others get that of the best of these: it then says nothing about them.
     fn score_evidence(&self, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
-        let known = Known { unknown: &work.unknown_runs, filled: &work.filled };
         self.subspaces
             .par_iter()
             .zip(&mut work.conditionals)
             .zip(&work.wanted)
             .filter(|(_, wanted)| **wanted)
-            .try_for_each(|((class, conditional), _)| class.condition(&known, self.noise, conditional))?;
+            .try_for_each(|((class, conditional), _)| class.condition(&work.known, self.noise, conditional))?;
         let scores = &mut work.scores;
         let computed = || work.conditionals.iter().zip(&work.wanted).filter(|(_, wanted)| **wanted).map(|(c, _)| c);
         let best = computed().map(|c| c.log_evidence).fold(f64::NEG_INFINITY, f64::max);
@@ -238,7 +233,7 @@ impl Perceiver {
                 self.complete.get_or_init(|| made)
             }
         };
-        percept.scores.extend(densities.iter().zip(&mut work.centred).map(|(d, scratch)| d.log_gaussian(&work.projected, scratch)));
+        percept.scores.extend(densities.iter().map(|d| d.log_gaussian(&work.projected, &mut work.centred)));
         percept.posterior.clear();
         percept.posterior.extend(percept.scores.iter().enumerate().map(|(s, v)| v + query.log_prior.get(s).copied().unwrap_or(0.0)));
         softmax(&mut percept.posterior);
@@ -248,8 +243,8 @@ impl Perceiver {
 
     /// o'_q (eq. 18), into `work.projected`.
     fn project_as_the_paper(&self, query: &Query, work: &mut Workspace) -> Result<(), LinearError> {
-        let known = Known { unknown: &work.unknown_runs, filled: &work.filled };
-        let (gram, b) = paper::normal_equations(&self.model.basis, self.gram.get_or_init(|| paper::full_gram(&self.model.basis)), &known);
+        let (gram, b) =
+            paper::normal_equations(&self.model.basis, self.gram.get_or_init(|| paper::full_gram(&self.model.basis)), &work.known);
         let solution = paper::solve(&gram, &b, query.projection)?;
         work.projected.iter_mut().zip(solution).for_each(|(out, v)| *out = v as f32);
         Ok(())
@@ -262,7 +257,7 @@ impl Perceiver {
         let basis = &self.model.basis;
         let mut row = vec![0.0; basis.rank()];
         let projected = &work.projected;
-        complete_plainly(&work.unknown_runs, percept, |voxel| {
+        complete_plainly(&work.known.unknown, percept, |voxel| {
             basis.widen(voxel..voxel + 1, &mut row);
             super::density::dot(&row, projected)
         });
@@ -277,12 +272,11 @@ impl Perceiver {
             shares.truncate(likely);
         }
         let total: f64 = shares.iter().map(|(_, p)| p).sum();
-        let known = Known { unknown: &work.unknown_runs, filled: &work.filled };
         let scored = !work.scores.evidence.is_empty();
         for &(s, _) in &shares {
             let (class, conditional) = (&self.subspaces[s], &mut work.conditionals[s]);
             if !scored || !work.wanted[s] {
-                class.condition(&known, self.noise, conditional)?;
+                class.condition(&work.known, self.noise, conditional)?;
                 percept.log_evidence[s] = conditional.log_evidence;
             }
             class.prepare(conditional);
@@ -295,7 +289,7 @@ impl Perceiver {
         let dims = self.model.dims();
         // One slab of columns per task: which thread takes it does not change the result.
         let slab = dims.y() * dims.z() * SLAB;
-        let runs = &work.unknown_runs;
+        let runs = &work.known.unknown;
         let slabs = percept.occupancy.par_chunks_mut(slab).zip(percept.deviation.par_chunks_mut(slab)).zip(&mut work.slabs);
         slabs.enumerate().for_each(|(i, ((occupancy, deviation), scratch))| {
             let first = runs.partition_point(|run| run.0 < i * slab);
@@ -309,31 +303,12 @@ impl Perceiver {
 }
 
 impl Workspace {
-    /// Takes the observation apart: hull, runs of unknown voxels, filled voxels.
+    /// Takes in the observation, and forgets the scores of the one before.
     fn read(&mut self, observation: &Observation) {
-        let dims = observation.dims();
-        let words = self.hull_bits.as_mut_slice().iter_mut();
-        for ((hull, known), filled) in words.zip(observation.known().as_slice()).zip(observation.filled().as_slice()) {
-            *hull = !known;
-            debug_assert_eq!(known & filled, *filled);
-        }
-        mask_tail(&mut self.hull_bits);
-        self.unknown_runs.clear();
-        for_each_run(&self.hull_bits, dims, 0..dims.columns(), |start, end| self.unknown_runs.push((start, end)));
-        self.hull_bits.union_with(observation.filled());
-        self.filled.clear();
-        self.filled.extend(observation.filled().ones());
+        self.known.read(observation);
         for scores in [&mut self.scores.hull, &mut self.scores.evidence, &mut self.scores.distance] {
             scores.clear();
         }
-    }
-}
-
-/// Clears the bits of the last word beyond the end of the set.
-fn mask_tail(bits: &mut FixedBitSet) {
-    let rest = bits.len() % usize::BITS as usize;
-    if let (Some(last), true) = (bits.as_mut_slice().last_mut(), rest != 0) {
-        *last &= (1 << rest) - 1;
     }
 }
 

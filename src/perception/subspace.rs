@@ -5,6 +5,7 @@
 //! cheaper than the same in the shared basis. Of the voxels it needs the Gram matrix of [W_s, μ_s, 1] over the unknown ones
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
+use super::known::Known;
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
@@ -63,14 +64,6 @@ impl Conditional {
     }
 }
 
-/// The known part of a query: which voxels are not known, and which are filled.
-pub struct Known<'a> {
-    /// Runs of unknown voxels.
-    pub unknown: &'a [(usize, usize)],
-    /// Known filled voxels.
-    pub filled: &'a [usize],
-}
-
 impl ClassSubspace {
     /// Derives the class's voxel-space basis and mean from the shared basis.
     pub fn new(dims: Dims, basis: &Basis, class: &ClassModel) -> Self {
@@ -120,16 +113,16 @@ impl ClassSubspace {
     }
 
     /// Conditions the class on the known voxels, with noise variance `noise`.
-    pub fn condition(&self, known: &Known<'_>, noise: f64, out: &mut Conditional) -> Result<(), LinearError> {
+    pub fn condition(&self, known: &Known, noise: f64, out: &mut Conditional) -> Result<(), LinearError> {
         self.gather(known, out);
         self.solve(noise, out)
     }
 
     /// All that conditioning reads of the voxels, whatever the noise.
-    pub fn gather(&self, known: &Known<'_>, out: &mut Conditional) {
+    pub fn gather(&self, known: &Known, out: &mut Conditional) {
         self.unknown_gram(known, out);
         out.filled.fill(0.0);
-        for &voxel in known.filled {
+        for &voxel in &known.filled {
             out.filled.iter_mut().zip(self.row(voxel)).for_each(|(sum, v)| *sum += f64::from(*v));
         }
     }
@@ -176,7 +169,7 @@ impl ClassSubspace {
     }
 
     /// The Gram matrix of the rows over the unknown voxels, into `out.unknown`.
-    fn unknown_gram(&self, known: &Known<'_>, out: &mut Conditional) {
+    fn unknown_gram(&self, known: &Known, out: &mut Conditional) {
         let width = self.size + 2;
         for j in 0..width {
             out.unknown.col_as_slice_mut(j).fill(0.0);
@@ -191,7 +184,7 @@ impl ClassSubspace {
             }
             gathered.clear();
         };
-        for &(start, end) in known.unknown {
+        for &(start, end) in &known.unknown {
             out.gathered.extend_from_slice(&self.rows[start * width..end * width]);
             if out.gathered.len() >= (BLOCK - 256) * width {
                 flush(&mut out.gathered, &mut out.product, &mut out.unknown);
@@ -290,7 +283,7 @@ mod tests {
         let filled: Vec<usize> = known.iter().copied().step_by(4).collect();
         let unknown: Vec<(usize, usize)> = (0..d).filter(|v| !known.contains(v)).map(|v| (v, v + 1)).collect();
         let mut conditional = Conditional::new(k);
-        subspace.condition(&Known { unknown: &unknown, filled: &filled }, noise, &mut conditional).unwrap();
+        subspace.condition(&Known { unknown, filled: filled.clone(), ..Known::default() }, noise, &mut conditional).unwrap();
         subspace.prepare(&mut conditional);
 
         let value = |v: usize, h: usize| f64::from(basis.row(v)[h].to_f32());
