@@ -60,13 +60,22 @@ pub struct ObservationHeader {
     pub view: u32,
     /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
     pub frame_id: [u8; 32],
+    /// The `object_id` of this producer's object whose last answer narrows the pose search; read if `continues` is 1.
+    pub continued_object_id: u64,
+    /// 1 if this observation continues the stream `continued_object_id`, 0 if not.
+    pub continues: u32,
+    /// How sure the producer is of `rotation_prior`: κ of the density exp(κ cos θ), θ the angle from it; 0 for not at all.
+    pub rotation_prior_concentration: f32,
+    /// The rotation that the producer expects: turns object axes into grid axes, unit quaternion x, y, z, w; read if
+    /// `rotation_prior_concentration` is not 0.
+    pub rotation_prior: [f32; 4],
     /// 0.
-    pub reserved: [u8; 64],
+    pub reserved: [u8; 32],
 }
 layout!(ObservationHeader: 240 {
     abi_version @ 0, pose_search @ 4, producer_id @ 8, object_id @ 16, sequence @ 24, capture_ns @ 32, sensor_stamp_ns @ 40, deadline_ns @ 48,
     position_m @ 56, orientation @ 80, voxel_size_m @ 112, dims @ 116, tasks @ 128, completion_frame @ 132, outside @ 136, view @ 140,
-    frame_id @ 144, reserved @ 176,
+    frame_id @ 144, continued_object_id @ 176, continues @ 184, rotation_prior_concentration @ 188, rotation_prior @ 192, reserved @ 208,
 });
 
 impl ObservationHeader {
@@ -90,7 +99,11 @@ impl ObservationHeader {
             outside: Outside::Empty.code(),
             view: View::Unspecified.code(),
             frame_id: [0; NAME_LEN],
-            reserved: [0; 64],
+            continued_object_id: 0,
+            continues: 0,
+            rotation_prior_concentration: 0.0,
+            rotation_prior: [0.0, 0.0, 0.0, 1.0],
+            reserved: [0; 32],
         }
     }
 }
@@ -437,7 +450,7 @@ mod tests {
         ];
         assert_eq!(
             hashes.map(|hash| format!("{hash:016x}")),
-            ["eb0d3d9b8c3f63e5", "fec395a92f4fab4f", "e44ae66af63a23df", "afcef3a2f37815de", "3d431661199e0a0b",]
+            ["a28f817cd7bc9c7f", "fec395a92f4fab4f", "e44ae66af63a23df", "afcef3a2f37815de", "3d431661199e0a0b",]
         );
     }
 

@@ -54,9 +54,17 @@ pub enum Refusal {
     /// Zero, negative, NaN or infinite.
     #[error("voxel_size_m is {0}; it must be positive and finite")]
     BadVoxelSize(f32),
-    /// The norm of `orientation` is not 1.
-    #[error("orientation has norm {0:e}; it must be a unit quaternion x, y, z, w")]
-    NotUnit(f64),
+    /// The norm of a quaternion is not 1.
+    #[error("{field} has norm {norm:e}; it must be a unit quaternion x, y, z, w")]
+    NotUnit {
+        /// The field's name.
+        field: &'static str,
+        /// Its norm.
+        norm: f64,
+    },
+    /// Negative, NaN or infinite.
+    #[error("rotation_prior_concentration is {0}; it must be finite and not negative")]
+    BadConcentration(f32),
     /// A number that this version does not know.
     #[error("{field} is {code}; this daemon knows no such choice")]
     UnknownCode {
@@ -81,7 +89,9 @@ impl Refusal {
             Self::BadDims { .. } | Self::WrongLength { .. } => PerceptStatus::BadDims,
             Self::DimsNotOfModel { .. } => PerceptStatus::DimsNotOfModel,
             Self::BadVoxel { .. } => PerceptStatus::BadVoxel,
-            Self::NotFinite(_) | Self::BadVoxelSize(_) | Self::NotUnit(_) | Self::UnknownCode { .. } => PerceptStatus::BadHeader,
+            Self::NotFinite(_) | Self::BadVoxelSize(_) | Self::NotUnit { .. } | Self::BadConcentration(_) | Self::UnknownCode { .. } => {
+                PerceptStatus::BadHeader
+            }
             Self::PoseSearchNotSupported(_) => PerceptStatus::PoseSearchNotSupported,
             Self::Internal(_) => PerceptStatus::Internal,
         }
@@ -95,7 +105,12 @@ impl Refusal {
             Self::DimsNotOfModel { model: [x, y, z], .. } => u64::from(*x) | u64::from(*y) << 16 | u64::from(*z) << 32,
             Self::BadVoxel { index, .. } => *index as u64,
             Self::PoseSearchNotSupported(search) => u64::from(search.code()),
-            Self::NotFinite(_) | Self::BadVoxelSize(_) | Self::NotUnit(_) | Self::UnknownCode { .. } | Self::Internal(_) => 0,
+            Self::NotFinite(_)
+            | Self::BadVoxelSize(_)
+            | Self::NotUnit { .. }
+            | Self::BadConcentration(_)
+            | Self::UnknownCode { .. }
+            | Self::Internal(_) => 0,
         }
     }
 }
@@ -134,7 +149,32 @@ pub fn validate(header: &ObservationHeader, payload_len: usize) -> Result<usize,
     check_code("completion_frame", header.completion_frame, CompletionFrame::from_code(header.completion_frame).is_some())?;
     check_code("outside", header.outside, Outside::from_code(header.outside).is_some())?;
     check_code("view", header.view, View::from_code(header.view).is_some())?;
+    check_code("continues", header.continues, header.continues <= 1)?;
+    check_rotation_prior(header)?;
     Ok(voxels)
+}
+
+fn check_rotation_prior(header: &ObservationHeader) -> Result<(), Refusal> {
+    let concentration = header.rotation_prior_concentration;
+    if !(concentration.is_finite() && concentration >= 0.0) {
+        return Err(Refusal::BadConcentration(concentration));
+    }
+    if concentration == 0.0 {
+        return Ok(());
+    }
+    if !header.rotation_prior.iter().all(|value| value.is_finite()) {
+        return Err(Refusal::NotFinite("rotation_prior"));
+    }
+    check_unit("rotation_prior", header.rotation_prior.map(f64::from))
+}
+
+/// Of finite parts the norm is finite or, by overflow, infinite; never NaN.
+fn check_unit(field: &'static str, quaternion: [f64; 4]) -> Result<(), Refusal> {
+    let norm = quaternion.iter().map(|value| value * value).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
+        return Err(Refusal::NotUnit { field, norm });
+    }
+    Ok(())
 }
 
 fn check_placement(header: &ObservationHeader) -> Result<(), Refusal> {
@@ -144,11 +184,7 @@ fn check_placement(header: &ObservationHeader) -> Result<(), Refusal> {
     if !header.orientation.iter().all(|value| value.is_finite()) {
         return Err(Refusal::NotFinite("orientation"));
     }
-    let norm = header.orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
-    // Of finite parts it is finite or, by overflow, infinite; never NaN.
-    if (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
-        return Err(Refusal::NotUnit(norm));
-    }
+    check_unit("orientation", header.orientation)?;
     if !(header.voxel_size_m.is_finite() && header.voxel_size_m > 0.0) {
         return Err(Refusal::BadVoxelSize(header.voxel_size_m));
     }
@@ -225,9 +261,26 @@ mod tests {
     fn quaternions_that_are_not_unit_are_refused() {
         for bad in [[0.0; 4], [0.0, 0.0, 0.0, 2.0], [0.5; 4].map(|value| value * 1.01), [1.0; 4], [f64::MAX; 4]] {
             let refusal = refusal(|header| header.orientation = bad);
-            assert!(matches!(refusal, Refusal::NotUnit(_)), "{bad:?}");
+            assert!(matches!(refusal, Refusal::NotUnit { field: "orientation", .. }), "{bad:?}");
             assert_eq!(refusal.status(), PerceptStatus::BadHeader);
         }
+    }
+
+    #[test]
+    fn rotation_priors_are_checked_only_where_they_count() {
+        for bad in [f32::NAN, f32::INFINITY, -1.0] {
+            let refusal = refusal(|header| header.rotation_prior_concentration = bad);
+            assert!(matches!(refusal, Refusal::BadConcentration(_)), "{bad}");
+        }
+        let prior = |quaternion: [f32; 4], concentration| {
+            let mut header = ObservationHeader::new(DIMS);
+            (header.rotation_prior, header.rotation_prior_concentration) = (quaternion, concentration);
+            validate(&header, LEN)
+        };
+        assert_eq!(prior([f32::NAN; 4], 0.0), Ok(LEN));
+        assert_eq!(prior([0.6, 0.0, 0.0, 0.8], 10.0), Ok(LEN));
+        assert_eq!(prior([f32::NAN; 4], 1.0), Err(Refusal::NotFinite("rotation_prior")));
+        assert!(matches!(prior([1.0; 4], 1.0), Err(Refusal::NotUnit { field: "rotation_prior", .. })));
     }
 
     #[test]
@@ -237,12 +290,13 @@ mod tests {
             assert_eq!((refusal.status(), refusal.detail()), (PerceptStatus::UnknownVersion, u64::from(version)));
         }
         type Change = fn(&mut ObservationHeader, u32);
-        let fields: [(&str, u32, Change); 5] = [
+        let fields: [(&str, u32, Change); 6] = [
             ("pose_search", 3, |header, code| header.pose_search = code),
             ("tasks", 8, |header, code| header.tasks = code),
             ("completion_frame", 2, |header, code| header.completion_frame = code),
             ("outside", 2, |header, code| header.outside = code),
             ("view", 2, |header, code| header.view = code),
+            ("continues", 2, |header, code| header.continues = code),
         ];
         for (field, first_unknown, change) in fields {
             for code in [first_unknown, u32::MAX] {
@@ -283,7 +337,8 @@ mod tests {
             Refusal::DimsNotOfModel { dims: [256; 3], model: [256; 3] },
             Refusal::BadVoxel { index: usize::MAX, value: 254 },
             Refusal::UnknownCode { field: "completion_frame", code: u32::MAX },
-            Refusal::NotUnit(f64::MIN_POSITIVE.sqrt()),
+            Refusal::NotUnit { field: "rotation_prior", norm: f64::MIN_POSITIVE.sqrt() },
+            Refusal::BadConcentration(f32::MIN),
             Refusal::BadVoxelSize(-f32::from_bits(1)),
             Refusal::BadVoxelSize(f32::MIN),
         ];
