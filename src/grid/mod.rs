@@ -1,15 +1,19 @@
-//! Voxel grids: complete objects (two-valued), observations (three-valued), index order and views.
+//! Voxel grids: complete objects (two-valued), observations (three-valued), index order, rotation, views, distances.
 //!
 //! Index order everywhere is C order `[x][y][z]`, z fastest and up, so that NumPy reads a payload with `reshape(nx, ny, nz)`.
 
 mod dims;
+mod distance;
 mod observation;
 mod occupancy;
+mod rotation;
 mod runs;
 mod view;
 
 pub use dims::{Dims, DimsError};
+pub use distance::distance_transform;
 pub use observation::{EMPTY, FILLED, Observation, ObservationError, UNKNOWN};
 pub use occupancy::Occupancy;
+pub use rotation::{Outside, Rotation, Turn, column_sources, yaw, yaw_of};
 pub use runs::for_each_run;
 pub use view::View;

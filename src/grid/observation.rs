@@ -54,6 +54,13 @@ impl Observation {
         Self { dims: object.dims(), known, filled: object.bits().clone() }
     }
 
+    /// An observation with these known voxels, and these of them filled; one bit per voxel each.
+    pub fn from_parts(dims: Dims, known: FixedBitSet, filled: FixedBitSet) -> Self {
+        assert_eq!((known.len(), filled.len()), (dims.voxels(), dims.voxels()), "one bit per voxel");
+        debug_assert!(filled.is_subset(&known), "what is filled is known");
+        Self { dims, known, filled }
+    }
+
     /// Reads one byte per voxel: [`EMPTY`], [`FILLED`] or [`UNKNOWN`], C order.
     pub fn from_bytes(dims: Dims, bytes: &[u8]) -> Result<Self, ObservationError> {
         let mut observation = Self::unknown(dims);

@@ -1,0 +1,198 @@
+//! Turning grids about their centre, nearest neighbour, and the angle between rotations.
+//!
+//! A rotation takes object axes to grid axes. A voxel of the turned grid takes the value of the voxel that its centre comes
+//! from; what comes from outside is [`Outside`]. Quarter turns about an axis are exact permutations.
+
+use super::{Dims, Observation, Occupancy};
+use fixedbitset::FixedBitSet;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// A rotation from object axes to grid axes.
+pub type Rotation = UnitQuaternion<f64>;
+
+/// What lies outside a grid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outside {
+    /// The grid holds the whole object.
+    #[default]
+    Empty,
+    /// Nothing is known.
+    Unknown,
+}
+
+/// A source that lies outside the grid.
+const NOWHERE: u32 = u32::MAX;
+
+/// The rotation about +z by `angle` radians, counter-clockwise.
+pub fn yaw(angle: f64) -> Rotation {
+    Rotation::from_axis_angle(&Vector3::z_axis(), angle)
+}
+
+/// The angle about +z of a rotation about z, in \[0, 2π); of any other rotation, that of the nearest rotation about z.
+pub fn yaw_of(rotation: &Rotation) -> f64 {
+    (2.0 * rotation.k.atan2(rotation.w)).rem_euclid(std::f64::consts::TAU)
+}
+
+/// Where the voxels of a turned grid come from.
+#[derive(Clone, Debug)]
+pub struct Turn {
+    dims: Dims,
+    sources: Vec<u32>,
+}
+
+impl Turn {
+    /// The turn of grids of one size by `rotation`.
+    pub fn new(dims: Dims, rotation: &Rotation) -> Self {
+        let back = rotation.inverse().to_rotation_matrix();
+        let back = back.matrix();
+        let sides = <[usize; 3]>::from(dims);
+        let middle = sides.map(|side| (side as f64 - 1.0) / 2.0);
+        let mut sources = Vec::with_capacity(dims.voxels());
+        for i in 0..sides[0] {
+            for j in 0..sides[1] {
+                let (x, y) = (i as f64 - middle[0], j as f64 - middle[1]);
+                let start: [f64; 3] = std::array::from_fn(|axis| back[(axis, 0)] * x + back[(axis, 1)] * y + middle[axis]);
+                for k in 0..sides[2] {
+                    let z = k as f64 - middle[2];
+                    let at: [f64; 3] = std::array::from_fn(|axis| (start[axis] + back[(axis, 2)] * z).round_ties_even());
+                    let inside = (0..3).all(|axis| at[axis] >= 0.0 && at[axis] < sides[axis] as f64);
+                    let [i, j, k] = at.map(|at| at as usize);
+                    sources.push(if inside { dims.index(i, j, k) as u32 } else { NOWHERE });
+                }
+            }
+        }
+        Self { dims, sources }
+    }
+
+    /// The turned object; what enters is empty.
+    pub fn occupancy(&self, object: &Occupancy) -> Occupancy {
+        assert_eq!(object.dims(), self.dims, "a turn belongs to one size of grid");
+        Occupancy::from_bits(self.dims, self.gather(object.bits(), false))
+    }
+
+    /// The turned observation.
+    pub fn observation(&self, observation: &Observation, outside: Outside) -> Observation {
+        assert_eq!(observation.dims(), self.dims, "a turn belongs to one size of grid");
+        let known = self.gather(observation.known(), outside == Outside::Empty);
+        Observation::from_parts(self.dims, known, self.gather(observation.filled(), false))
+    }
+
+    /// One value per voxel, turned: `from` has one value per voxel, what enters is `outside`.
+    pub fn values(&self, from: &[f32], outside: f32, to: &mut Vec<f32>) {
+        to.clear();
+        to.extend(self.sources.iter().map(|source| from.get(*source as usize).copied().unwrap_or(outside)));
+    }
+
+    fn gather(&self, from: &FixedBitSet, outside: bool) -> FixedBitSet {
+        let mut to = FixedBitSet::with_capacity(self.sources.len());
+        const WORD: usize = usize::BITS as usize;
+        for (word, sources) in to.as_mut_slice().iter_mut().zip(self.sources.chunks(WORD)) {
+            for (bit, source) in sources.iter().enumerate() {
+                let set = if *source == NOWHERE { outside } else { from.contains(*source as usize) };
+                *word |= usize::from(set) << bit;
+            }
+        }
+        to
+    }
+}
+
+/// For a turn about z by `angle`: for each column of the turned grid the column that it comes from, `None` for outside.
+pub fn column_sources(dims: Dims, angle: f64) -> impl Iterator<Item = Option<usize>> {
+    let (sin, cos) = snapped(angle);
+    let (mx, my) = ((dims.x() as f64 - 1.0) / 2.0, (dims.y() as f64 - 1.0) / 2.0);
+    (0..dims.columns()).map(move |column| {
+        let (x, y) = ((column / dims.y()) as f64 - mx, (column % dims.y()) as f64 - my);
+        let i = (cos * x + sin * y + mx).round_ties_even();
+        let j = (cos * y - sin * x + my).round_ties_even();
+        let inside = i >= 0.0 && j >= 0.0 && i < dims.x() as f64 && j < dims.y() as f64;
+        inside.then(|| i as usize * dims.y() + j as usize)
+    })
+}
+
+/// Sine and cosine, exact for quarter turns.
+fn snapped(angle: f64) -> (f64, f64) {
+    let (sin, cos) = angle.sin_cos();
+    let snap = |v: f64| if (v - v.round()).abs() < 1e-12 { v.round() } else { v };
+    (snap(sin), snap(cos))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::View;
+    use proptest::prelude::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    fn asymmetric() -> Occupancy {
+        let dims = Dims::cube(9).unwrap();
+        Occupancy::from_fn(dims, |i, j, k| (i == 7 && j < 6 && k == 2) || (i > 2 && j == 5 && k == 2) || (i == 3 && j == 4 && k < 6))
+    }
+
+    #[test]
+    fn positive_yaw_is_counter_clockwise_seen_from_above() {
+        let dims = Dims::cube(8).unwrap();
+        // A voxel on the +x side goes to the +y side.
+        let object = Occupancy::from_fn(dims, |i, j, k| (i, j, k) == (7, 3, 1));
+        let turned = Turn::new(dims, &yaw(FRAC_PI_2)).occupancy(&object);
+        // (x, y) = (3.5, −0.5) becomes (0.5, 3.5)
+        assert_eq!(turned.bits().ones().map(|v| dims.coordinates(v)).collect::<Vec<_>>(), [[4, 7, 1]]);
+    }
+
+    #[test]
+    fn quarter_turns_are_permutations_and_four_of_them_are_none() {
+        for dims in [Dims::cube(8).unwrap(), Dims::cube(9).unwrap(), Dims::cube(30).unwrap()] {
+            for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
+                let turn = Turn::new(dims, &Rotation::from_axis_angle(&axis, FRAC_PI_2));
+                let mut seen = turn.sources.clone();
+                seen.sort_unstable();
+                assert!(seen.iter().copied().eq(0..dims.voxels() as u32));
+                let back = |v: u32| turn.sources[v as usize];
+                assert!((0..dims.voxels() as u32).all(|v| back(back(back(back(v)))) == v));
+            }
+        }
+    }
+
+    #[test]
+    fn what_enters_is_empty_or_unknown_as_asked() {
+        let dims = Dims::cube(8).unwrap();
+        let turn = Turn::new(dims, &yaw(PI / 4.0));
+        let view = View::Top.of(&Occupancy::empty(dims));
+        assert_eq!(turn.observation(&view, Outside::Empty).known().count_ones(..), dims.voxels());
+        let entering = turn.sources.iter().filter(|s| **s == NOWHERE).count();
+        assert!(entering > 0);
+        assert_eq!(turn.observation(&view, Outside::Unknown).known().count_ones(..), dims.voxels() - entering);
+    }
+
+    #[test]
+    fn a_turn_about_z_turns_every_layer_alike() {
+        // The formula of beo_numpy.py's `rotate`, layer by layer.
+        let object = asymmetric();
+        let turned = Turn::new(object.dims(), &yaw(30_f64.to_radians())).occupancy(&object);
+        let (sin, cos) = 30_f64.to_radians().sin_cos();
+        let expected = Occupancy::from_fn(object.dims(), |i, j, k| {
+            let (x, y) = (i as f64 - 4.0, j as f64 - 4.0);
+            let (a, b) = ((cos * x + sin * y + 4.0).round_ties_even(), (cos * y - sin * x + 4.0).round_ties_even());
+            a >= 0.0 && b >= 0.0 && object.is_filled(a as usize, b as usize, k)
+        });
+        assert_eq!(turned, expected);
+    }
+
+    proptest! {
+        #[test]
+        fn turning_columns_is_turning_voxels(angle in -7.0..7.0_f64) {
+            let dims = Dims::new(9, 12, 8).unwrap();
+            let turn = Turn::new(dims, &yaw(angle));
+            for (column, source) in column_sources(dims, angle).enumerate() {
+                for k in 0..dims.z() {
+                    let expected = source.map_or(NOWHERE, |source| (source * dims.z() + k) as u32);
+                    prop_assert_eq!(turn.sources[column * dims.z() + k], expected);
+                }
+            }
+        }
+
+        #[test]
+        fn the_yaw_of_a_rotation_about_z_is_its_angle(angle in 0.0..6.28_f64) {
+            prop_assert!((yaw_of(&yaw(angle)) - angle).abs() < 1e-9);
+        }
+    }
+}
