@@ -19,6 +19,7 @@ mod method;
 mod paper;
 mod perceiver;
 mod percept;
+pub mod pose;
 mod projection;
 mod subspace;
 
@@ -28,5 +29,6 @@ pub use method::Method;
 pub use paper::Projection;
 pub use perceiver::{PerceiveError, Perceiver, Workspace};
 pub use percept::{Percept, Query};
+pub use pose::{Hypothesis, PoseSearch, RotationPrior};
 pub use projection::ColumnSums;
 pub use subspace::{ClassSubspace, Conditional};

@@ -34,14 +34,21 @@ impl ColumnSums {
     /// W'ᵀx of the binary vector with these bits, into `out` (a values).
     pub fn project(&self, bits: &FixedBitSet, out: &mut [f32]) {
         out.fill(0.0);
-        pulp::Arch::new().dispatch(|| {
-            for_each_run(bits, self.dims, 0..self.dims.columns(), |start, end| {
-                out.iter_mut().zip(self.row(end - 1)).for_each(|(out, sum)| *out += sum);
-                if start % self.dims.z() != 0 {
-                    out.iter_mut().zip(self.row(start - 1)).for_each(|(out, sum)| *out -= sum);
-                }
-            });
-        });
+        pulp::Arch::new().dispatch(|| for_each_run(bits, self.dims, 0..self.dims.columns(), |start, end| self.add(start, end, out)));
+    }
+
+    /// The same of the binary vector made of these runs (start, end), each inside one column.
+    pub fn project_runs(&self, runs: impl Iterator<Item = (usize, usize)>, out: &mut [f32]) {
+        out.fill(0.0);
+        pulp::Arch::new().dispatch(|| runs.for_each(|(start, end)| self.add(start, end, out)));
+    }
+
+    #[inline(always)]
+    fn add(&self, start: usize, end: usize, out: &mut [f32]) {
+        out.iter_mut().zip(self.row(end - 1)).for_each(|(out, sum)| *out += sum);
+        if start % self.dims.z() != 0 {
+            out.iter_mut().zip(self.row(start - 1)).for_each(|(out, sum)| *out -= sum);
+        }
     }
 
     #[inline(always)]

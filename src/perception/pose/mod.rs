@@ -1,0 +1,45 @@
+//! Pose by search over rotations (eqs. 11, 12, 19–21), jointly with the class.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `prior` | P(r): uniform, around an expected rotation, or around the last answer of a tracked object |
+//! | `posterior` | weighted rotations, merged into hypotheses |
+//! | `circle` | search over angles about z, whatever the score |
+//! | `yaw` | scores of such angles by the hull's projection |
+
+pub(crate) mod circle;
+pub(crate) mod posterior;
+mod prior;
+pub(crate) mod yaw;
+
+pub use posterior::Hypothesis;
+pub use prior::RotationPrior;
+
+/// What is known of the rotation from object axes to grid axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PoseSearch {
+    /// None: the grid stands as the training shapes do.
+    #[default]
+    Known,
+    /// A rotation about z by an angle in \[0, span), radians.
+    Yaw {
+        /// At most a full turn.
+        span: f64,
+    },
+    /// Any rotation.
+    Full,
+}
+
+impl PoseSearch {
+    /// A rotation about z by any angle.
+    pub const YAW: Self = Self::Yaw { span: std::f64::consts::TAU };
+
+    /// The name on the command line and in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Known => "known",
+            Self::Yaw { .. } => "yaw",
+            Self::Full => "full",
+        }
+    }
+}

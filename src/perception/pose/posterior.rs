@@ -1,0 +1,127 @@
+//! The posterior over class and rotation, as weighted samples, and what is published of it: a few hypotheses and a spread.
+
+use crate::grid::Rotation;
+
+/// Most hypotheses of an answer.
+pub const MOST_HYPOTHESES: usize = 8;
+
+/// How the object may be turned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hypothesis {
+    /// From object axes to grid axes.
+    pub rotation: Rotation,
+    /// The class that this pose belongs to.
+    pub class: usize,
+    /// Posterior probability of this class, turned so or nearly so.
+    pub probability: f64,
+}
+
+/// A rotation of a class that stands for those around it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// From object axes to grid axes.
+    pub rotation: Rotation,
+    /// The class.
+    pub class: usize,
+    /// Logarithm of the density at this rotation, up to a constant within the class.
+    pub log_density: f64,
+    /// Share of the searched rotations that it stands for.
+    pub share: f64,
+}
+
+/// Merges samples into modes. `classes` holds P(s | query); within a class the samples share it in proportion to density ×
+/// share. A mode is a peak with all samples of its class that lie within `radius` radians of it.
+///
+/// Gives at most [`MOST_HYPOTHESES`], most probable first, and the spread: the expected angle to the first of them, radians.
+pub fn hypotheses(samples: &[Sample], classes: &[f64], radius: f64, out: &mut Vec<Hypothesis>) -> f64 {
+    out.clear();
+    let mut weighted: Vec<(f64, Sample)> = Vec::with_capacity(samples.len());
+    for (class, p) in classes.iter().enumerate().filter(|(_, p)| **p > 0.0) {
+        let of_class = || samples.iter().filter(|s| s.class == class && s.log_density.is_finite());
+        let peak = of_class().map(|s| s.log_density).fold(f64::NEG_INFINITY, f64::max);
+        let weight = |s: &Sample| (s.log_density - peak).exp() * s.share;
+        let total: f64 = of_class().map(weight).sum();
+        if total > 0.0 {
+            weighted.extend(
+                of_class().map(|s| (p * weight(s) / total, Sample { log_density: p.ln() + s.log_density - peak - total.ln(), ..*s })),
+            );
+        }
+    }
+    // Peaks first: by density, so that a narrow sample on top of a mode stands for it; ties in the order of the samples.
+    weighted.sort_by(|a, b| b.1.log_density.total_cmp(&a.1.log_density));
+    let nearest = (radius / 2.0).cos();
+    let mut taken = vec![false; weighted.len()];
+    let total: f64 = weighted.iter().map(|(weight, _)| weight).sum();
+    let mut left = total;
+    for i in 0..weighted.len() {
+        // What is left cannot make a hypothesis that would be reported.
+        let least = if out.len() < MOST_HYPOTHESES { 1e-6 * total } else { out[MOST_HYPOTHESES - 1].probability };
+        if left <= least {
+            break;
+        }
+        if taken[i] {
+            continue;
+        }
+        let peak = weighted[i].1;
+        let mut probability = 0.0;
+        for (taken, (weight, sample)) in taken.iter_mut().zip(&weighted).skip(i) {
+            if !*taken && sample.class == peak.class && sample.rotation.coords.dot(&peak.rotation.coords).abs() >= nearest {
+                *taken = true;
+                probability += weight;
+            }
+        }
+        left -= probability;
+        let place = out.iter().position(|h| h.probability < probability).unwrap_or(out.len());
+        out.insert(place, Hypothesis { rotation: peak.rotation, class: peak.class, probability });
+        out.truncate(MOST_HYPOTHESES);
+    }
+    let Some(first) = out.first() else { return 0.0 };
+    weighted.iter().map(|(weight, sample)| weight * first.rotation.angle_to(&sample.rotation)).sum::<f64>() / total
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::yaw;
+    use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+    fn circle(log_density: impl Fn(f64) -> f64) -> Vec<Sample> {
+        let sample = |i: usize| {
+            let angle = i as f64 * TAU / 360.0;
+            Sample { rotation: yaw(angle), class: 0, log_density: log_density(angle), share: 1.0 / 360.0 }
+        };
+        (0..360).map(sample).collect()
+    }
+
+    #[test]
+    fn four_equal_modes_are_four_hypotheses() {
+        let mut out = Vec::new();
+        let spread = hypotheses(&circle(|a| 50.0 * (4.0 * (a - 0.3)).cos()), &[0.8, 0.2], 15_f64.to_radians(), &mut out);
+        assert_eq!(out.len(), 4);
+        for h in &out {
+            assert!((h.probability - 0.2).abs() < 0.002, "{h:?}");
+            let turns = (crate::grid::yaw_of(&h.rotation) - 0.3) / FRAC_PI_2;
+            assert!((turns - turns.round()).abs() < 0.02, "{turns}");
+        }
+        // Two neighbours at 90 degrees, one opposite, and itself.
+        assert!((spread - FRAC_PI_2).abs() < 0.03, "{spread}");
+    }
+
+    #[test]
+    fn a_flat_posterior_says_that_nothing_is_known() {
+        let mut out = Vec::new();
+        let spread = hypotheses(&circle(|_| 0.0), &[1.0], 15_f64.to_radians(), &mut out);
+        assert_eq!(out.len(), MOST_HYPOTHESES);
+        assert!(out.iter().all(|h| h.probability < 0.09));
+        assert!((spread - PI / 2.0).abs() < 1e-3, "{spread}");
+    }
+
+    #[test]
+    fn a_class_without_samples_or_without_probability_is_left_out() {
+        let mut out = Vec::new();
+        assert_eq!(hypotheses(&[], &[1.0], 0.2, &mut out), 0.0);
+        assert!(out.is_empty());
+        hypotheses(&circle(|a| 100.0 * a.cos()), &[0.0, 1.0], 0.2, &mut out);
+        assert!(out.is_empty());
+    }
+}

@@ -1,0 +1,101 @@
+//! Prior densities over rotations.
+
+use super::PoseSearch;
+use crate::grid::Rotation;
+
+/// Concentrations beyond this (a spread of a fifth of a degree) are taken for this.
+const MOST_CONCENTRATED: f64 = 1e5;
+/// Points of the quadrature that normalises; enough for the narrowest peak.
+const POINTS: usize = 4096;
+
+/// P(r) as a mixture: a uniform floor, and components exp(κ cos θ) around rotations, θ the angle from them (the isotropic
+/// matrix Fisher density; about one axis, von Mises).
+#[derive(Clone, Debug, Default)]
+pub struct RotationPrior {
+    components: Vec<(Rotation, f64)>,
+    concentration: f64,
+    floor: f64,
+}
+
+impl RotationPrior {
+    /// The uniform density.
+    pub fn uniform() -> Self {
+        Self::default()
+    }
+
+    /// A density around one rotation; `concentration` κ ≥ 0.
+    pub fn around(rotation: Rotation, concentration: f64) -> Self {
+        Self { components: vec![(rotation, 1.0)], concentration: concentration.clamp(0.0, MOST_CONCENTRATED), floor: 0.0 }
+    }
+
+    /// A density around weighted rotations, of which a share `floor` (0 to 1) is uniform: what is elsewhere stays possible.
+    pub fn mixture(components: impl IntoIterator<Item = (Rotation, f64)>, concentration: f64, floor: f64) -> Self {
+        let mut components: Vec<(Rotation, f64)> = components.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
+        let total: f64 = components.iter().map(|(_, weight)| weight).sum();
+        components.iter_mut().for_each(|(_, weight)| *weight /= total);
+        Self { components, concentration: concentration.clamp(0.0, MOST_CONCENTRATED), floor: floor.clamp(0.0, 1.0) }
+    }
+
+    /// Whether it is the same everywhere.
+    pub fn is_uniform(&self) -> bool {
+        self.components.is_empty() || self.concentration == 0.0
+    }
+
+    /// The rotations around which it lies.
+    pub fn centres(&self) -> impl Iterator<Item = &Rotation> {
+        self.components.iter().map(|(rotation, _)| rotation).filter(|_| self.concentration > 0.0)
+    }
+
+    /// A function that gives the log density at a rotation, relative to the uniform one.
+    pub fn log_density(&self, search: PoseSearch) -> impl Fn(&Rotation) -> f64 + Sync + '_ {
+        let scale = if self.is_uniform() { 0.0 } else { log_mean(self.concentration, search) };
+        move |rotation| {
+            if self.is_uniform() {
+                return 0.0;
+            }
+            let peaks = self.components.iter().map(|(centre, weight)| {
+                let log = self.concentration * (centre.angle_to(rotation).cos() - 1.0) - scale;
+                weight * log.exp()
+            });
+            (self.floor + (1.0 - self.floor) * peaks.sum::<f64>()).max(f64::MIN_POSITIVE).ln()
+        }
+    }
+}
+
+/// log of the mean of exp(κ (cos θ − 1)) over all rotations that are searched: θ is uniform about one axis; over SO(3) it has
+/// density (1 − cos θ) / π on \[0, π\].
+fn log_mean(concentration: f64, search: PoseSearch) -> f64 {
+    let full = search == PoseSearch::Full;
+    let mut sum = 0.0;
+    for i in 0..POINTS {
+        let cos = ((i as f64 + 0.5) * std::f64::consts::PI / POINTS as f64).cos();
+        sum += (concentration * (cos - 1.0)).exp() * if full { 1.0 - cos } else { 1.0 };
+    }
+    (sum / POINTS as f64).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::yaw;
+
+    #[test]
+    fn densities_are_normalised_as_by_bessel_functions() {
+        // scipy.special: log(ive(0, k)) about one axis, log(ive(0, k) - ive(1, k)) over SO(3)
+        let expected = [(0.5, -0.438450281, -0.716181511), (10.0, -2.057027917, -5.025141637), (400.0, -3.914357915, -10.598343270)];
+        for (concentration, axis, full) in expected {
+            assert!((log_mean(concentration, PoseSearch::YAW) - axis).abs() < 1e-8, "{}", log_mean(concentration, PoseSearch::YAW));
+            assert!((log_mean(concentration, PoseSearch::Full) - full).abs() < 1e-8, "{}", log_mean(concentration, PoseSearch::Full));
+        }
+    }
+
+    #[test]
+    fn a_floor_keeps_everything_possible() {
+        let prior = RotationPrior::mixture([(yaw(1.0), 0.7), (yaw(2.0), 0.3)], 200.0, 0.1);
+        let density = prior.log_density(PoseSearch::YAW);
+        assert!((density(&yaw(5.0)) - 0.1_f64.ln()).abs() < 1e-6);
+        assert!(density(&yaw(1.0)) > density(&yaw(2.0)) && density(&yaw(2.0)) > 1.0);
+        assert_eq!(RotationPrior::uniform().log_density(PoseSearch::Full)(&yaw(3.0)), 0.0);
+        assert!(RotationPrior::around(yaw(0.0), f64::INFINITY).log_density(PoseSearch::YAW)(&yaw(3.0)).is_finite());
+    }
+}

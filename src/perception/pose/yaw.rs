@@ -1,0 +1,159 @@
+//! Scores of angles about z by the hull's projection, for views from above.
+//!
+//! The hull of a view from above turns as the object does, so its projection z = W'ᵀh can be scored by class densities at
+//! every angle. That density alone is none over angles, as its data change with them: a hull that fits no class has little
+//! of itself in W'. What remains outside, ‖h‖² − ‖z‖², makes it one (the second term of probabilistic PCA). For the search
+//! all classes share one covariance, so that an angle costs one projection, one whitening, and one distance per class.
+
+use crate::grid::{Dims, column_sources, for_each_run};
+use crate::linear::{LinearError, cholesky, invert_lower};
+use crate::perception::ColumnSums;
+use crate::perception::density::dot;
+use faer::Mat;
+use fixedbitset::FixedBitSet;
+
+/// Variance of a voxel of the hull outside of W'. Held-out objects do not mind its value between 0.3 and 3.
+const RESIDUAL_VARIANCE: f64 = 1.0;
+
+/// Log density of what a hull of `volume` voxels with this projection has outside of W', up to a constant.
+pub fn log_residual(volume: f64, projected: &[f32]) -> f64 {
+    let inside: f64 = projected.iter().map(|v| f64::from(*v).powi(2)).sum();
+    -0.5 * (volume - inside) / RESIDUAL_VARIANCE
+}
+
+/// Student-t densities of all classes with one common scale matrix.
+pub struct CommonDensity {
+    /// Rows of L⁻¹ of the scale matrix, packed: row i has i + 1 values.
+    whitening: Vec<f32>,
+    /// L⁻¹ times the class means, a values per class.
+    means: Vec<f32>,
+    rank: usize,
+    degrees_of_freedom: f64,
+}
+
+impl CommonDensity {
+    /// Densities with these means (a values each) and the scale matrix `common` (a × a, lower half).
+    pub fn new(means: &[&[f32]], common: &Mat<f64>, degrees_of_freedom: f64) -> Result<Self, LinearError> {
+        let a = common.nrows();
+        let mut factor = common.clone();
+        cholesky(&mut factor)?;
+        let inverse = invert_lower(factor.as_ref());
+        let whitening = (0..a).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| inverse[(i, j)] as f32).collect();
+        let mut densities = Self { whitening, means: Vec::new(), rank: a, degrees_of_freedom };
+        for mean in means {
+            let whitened = densities.whiten(mean);
+            densities.means.extend(whitened);
+        }
+        Ok(densities)
+    }
+
+    fn whiten(&self, z: &[f32]) -> Vec<f32> {
+        let mut out = Vec::with_capacity(self.rank);
+        pulp::Arch::new().dispatch(|| {
+            let mut rest = &self.whitening[..];
+            for i in 0..self.rank {
+                let (row, tail) = rest.split_at(i + 1);
+                rest = tail;
+                out.push(dot(row, z));
+            }
+        });
+        out
+    }
+
+    /// The log density of `z` (a values) for each class, up to a common constant; −∞ for classes that are not `wanted`.
+    pub fn log_densities(&self, z: &[f32], wanted: &[bool]) -> Vec<f64> {
+        let whitened = self.whiten(z);
+        let (a, nu) = (self.rank as f64, self.degrees_of_freedom);
+        let means = self.means.chunks_exact(self.rank).zip(wanted);
+        means
+            .map(|(mean, wanted)| {
+                if !wanted {
+                    return f64::NEG_INFINITY;
+                }
+                let distance2: f64 = mean.iter().zip(&whitened).map(|(m, z)| f64::from(m - z).powi(2)).sum();
+                -0.5 * (nu + a) * (distance2 / nu).ln_1p()
+            })
+            .collect()
+    }
+}
+
+/// A hull as runs of voxels, column by column: it turns about z by moving columns.
+#[derive(Default)]
+pub struct HullColumns {
+    /// Runs (bottom, end) within a column.
+    runs: Vec<(u32, u32)>,
+    /// Where the runs of each column begin; one more than there are columns.
+    starts: Vec<u32>,
+}
+
+impl HullColumns {
+    /// Takes in a hull, one bit per voxel.
+    pub fn read(&mut self, dims: Dims, hull: &FixedBitSet) {
+        self.runs.clear();
+        self.starts.clear();
+        for column in 0..dims.columns() {
+            self.starts.push(self.runs.len() as u32);
+            let bottom = column * dims.z();
+            for_each_run(hull, dims, column..column + 1, |start, end| self.runs.push(((start - bottom) as u32, (end - bottom) as u32)));
+        }
+        self.starts.push(self.runs.len() as u32);
+    }
+
+    /// W'ᵀh of the hull turned by `angle`, into `out` (a values); gives the voxels of that hull. What enters is empty.
+    pub fn project(&self, dims: Dims, sums: &ColumnSums, angle: f64, out: &mut [f32]) -> f64 {
+        let mut voxels = 0;
+        let runs = column_sources(dims, angle).enumerate().flat_map(|(column, source)| {
+            let runs = source.map_or(&[][..], |source| &self.runs[self.starts[source] as usize..self.starts[source + 1] as usize]);
+            runs.iter().map(move |(start, end)| (column * dims.z() + *start as usize, column * dims.z() + *end as usize))
+        });
+        sums.project_runs(runs.inspect(|(start, end)| voxels += end - start), out);
+        voxels as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{Outside, Turn, View, yaw};
+    use crate::model::Basis;
+    use crate::perception::Density;
+    use crate::shapes::furniture;
+    use half::f16;
+    use proptest::prelude::*;
+
+    #[test]
+    fn with_one_class_it_is_the_density_of_that_class() {
+        let scale = [2.0_f32, 0.5, 0.5, 1.0];
+        let common = Mat::from_fn(2, 2, |i, j| f64::from(scale[i * 2 + j]));
+        let (one, two): (&[f32], &[f32]) = (&[1.0, -0.5], &[0.0, 2.0]);
+        let densities = CommonDensity::new(&[one, two], &common, 7.0).unwrap();
+        let z = [0.3, 0.4];
+        for (s, mean) in [one, two].into_iter().enumerate() {
+            let density = Density::new(mean, &scale).unwrap();
+            let expected = density.log_student(&z, 7.0, &mut [0.0; 2]) - density.log_volume();
+            assert!((densities.log_densities(&z, &[true; 2])[s] - expected).abs() < 1e-5);
+        }
+        assert_eq!(densities.log_densities(&z, &[false, true])[0], f64::NEG_INFINITY);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20))]
+        #[test]
+        fn projecting_turned_columns_is_projecting_the_turned_hull(angle in -7.0..7.0_f64, seed in 0..1000_u64) {
+            let dims = Dims::cube(16).unwrap();
+            let observation = View::Top.of(&furniture::make("chair", dims, seed).unwrap());
+            let rows = (0..dims.voxels() * 3).map(|i| f16::from_f32(((i * 37 % 101) as f32 - 50.0) / 64.0)).collect();
+            let sums = ColumnSums::new(dims, &Basis::new(3, rows));
+            let mut columns = HullColumns::default();
+            columns.read(dims, observation.hull().bits());
+            let turned = Turn::new(dims, &yaw(angle)).observation(&observation, Outside::Empty).hull();
+            let (mut expected, mut found) = ([0.0; 3], [0.0; 3]);
+            sums.project(turned.bits(), &mut expected);
+            let volume = columns.project(dims, &sums, angle, &mut found);
+            prop_assert_eq!(volume, turned.count() as f64);
+            for (a, b) in expected.iter().zip(found) {
+                prop_assert!((a - b).abs() < 1e-2, "{} {}", a, b);
+            }
+        }
+    }
+}
