@@ -4,16 +4,16 @@ use super::failure::{Failure, cannot_write};
 use super::progress;
 use super::shapes::{self, MeshArguments, ViewArgument};
 use crate::evaluation::figures::{self, Example};
-use crate::evaluation::{Evaluation, evaluate, sample, table};
+use crate::evaluation::{Evaluation, Protocol, evaluate, sample, table};
 use crate::model::load;
-use crate::perception::{Method, Perceiver, Projection, Query};
+use crate::perception::{Method, Perceiver, PoseSearch, Projection, Query};
 use crate::shapes::library::LoadOptions;
 use clap::{Args, ValueEnum};
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Measure a model by the paper's protocol: one view of every object, pose known
+/// Measure a model by the paper's protocol: one view of every object, in known or unknown pose
 #[derive(Args)]
 pub struct Eval {
     /// Folder of shapes, DIR/<class>/<split>/*
@@ -27,6 +27,12 @@ pub struct Eval {
     /// What is known of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
+    /// With --pose yaw, draw and search angles in [0, DEGREES); the paper's is 180
+    #[arg(long, default_value_t = 360.0, value_name = "DEGREES")]
+    yaw_span: f64,
+    /// Tell the class, so that only the pose is to be found
+    #[arg(long)]
+    known_class: bool,
     /// Methods, separated by commas: auto, hull, evidence, paper, mean
     #[arg(long, value_delimiter = ',', default_value = "auto")]
     method: Vec<Method>,
@@ -42,7 +48,7 @@ pub struct Eval {
     /// Answer a sample of this many, classes in proportion
     #[arg(long, value_name = "N")]
     limit: Option<usize>,
-    /// Seed of the sample
+    /// Seed of the sample and of the rotations
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Write the outcome as JSON: one object, or a list when several methods are given
@@ -60,6 +66,24 @@ pub struct Eval {
 pub enum PoseArgument {
     /// Objects stand as the training shapes do
     Known,
+    /// Turned about the vertical axis
+    Yaw,
+    /// Turned in any way
+    Full,
+}
+
+impl PoseArgument {
+    /// The search, with angles about z in \[0, `span`) degrees.
+    pub fn search(self, span: f64) -> Result<PoseSearch, Failure> {
+        if !(span > 0.0 && span <= 360.0) {
+            return Err(Failure::Usage(format!("--yaw-span {span}: use degrees above 0, at most 360")));
+        }
+        Ok(match self {
+            PoseArgument::Known => PoseSearch::Known,
+            PoseArgument::Yaw => PoseSearch::Yaw { span: span.to_radians() },
+            PoseArgument::Full => PoseSearch::Full,
+        })
+    }
 }
 
 /// Prior over the classes.
@@ -107,7 +131,7 @@ impl Eval {
         let Some(view) = self.view.view() else {
             return Err(Failure::Usage("--view none: evaluation needs complete shapes; use --view top".into()));
         };
-        let PoseArgument::Known = self.pose;
+        let pose = self.pose.search(self.yaw_span)?;
         if self.limit == Some(0) {
             return Err(Failure::Usage("--limit 0: nothing to answer; use at least 1".into()));
         }
@@ -133,6 +157,7 @@ impl Eval {
             .collect::<Result<Vec<_>, _>>()?;
         let chosen = sample(&shapes, self.limit, self.seed);
         let perceiver = Perceiver::new(model.clone())?;
+        let protocol = Protocol { view, seed: self.seed, known_class: self.known_class };
         let mut evaluations: Vec<Evaluation> = Vec::new();
         // Only the queries that are drawn are kept, as the first method answers them.
         let drawn = if self.png.is_some() { figures::spread(chosen.len(), figures::EXAMPLES) } else { Vec::new() };
@@ -140,15 +165,16 @@ impl Eval {
         for (m, method) in self.method.iter().enumerate() {
             let query = Query {
                 method: *method,
+                pose,
                 log_prior: self.prior.log_prior(&perceiver),
                 projection: self.projection.projection(),
                 ..Query::default()
             };
             let bar = progress::bar(chosen.len(), "answering");
             let mut answered = 0;
-            let evaluation = evaluate(&perceiver, &chosen, &classes, &query, view, |shape, observation, percept| {
+            let evaluation = evaluate(&perceiver, &chosen, &classes, &query, &protocol, |object, truth, observation, percept| {
                 if m == 0 && drawn.contains(&answered) {
-                    examples.push(Example::new(&names, classes[shape.class], &shape.object, observation, percept));
+                    examples.push(Example::new(&names, truth, object, observation, percept));
                 }
                 answered += 1;
                 bar.inc(1);

@@ -64,6 +64,8 @@ impl Observe {
         let mut template = ObservationHeader::new(status.dims);
         template.pose_search = match self.pose {
             PoseArgument::Known => PoseSearch::Known.code(),
+            PoseArgument::Yaw => PoseSearch::Yaw.code(),
+            PoseArgument::Full => PoseSearch::Full.code(),
         };
         if self.view == ViewArgument::Top {
             template.view = beo_ipc::View::TopDown.code();

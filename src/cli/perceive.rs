@@ -26,6 +26,9 @@ pub struct Perceive {
     /// What is known of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
+    /// With --pose yaw, search angles in [0, DEGREES)
+    #[arg(long, default_value_t = 360.0, value_name = "DEGREES")]
+    yaw_span: f64,
     /// Method: auto, hull, evidence, paper or mean
     #[arg(long, default_value = "auto")]
     method: Method,
@@ -45,7 +48,6 @@ pub struct Perceive {
 impl Perceive {
     /// Runs the command. Files that cannot be answered are named; the others are answered all the same.
     pub fn run(self) -> Result<(), Failure> {
-        let PoseArgument::Known = self.pose;
         let model = Arc::new(load(&self.model)?);
         let read = self.mesh.read_options(model.dims())?;
         let perceiver = Perceiver::new(model.clone())?;
@@ -55,7 +57,9 @@ impl Perceive {
             view: self.view.view(),
             log_prior: self.prior.log_prior(&perceiver),
             completion: true,
+            pose: self.pose.search(self.yaw_span)?,
             projection: self.projection.projection(),
+            ..Query::default()
         };
         let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
         let mut failed = 0;

@@ -74,7 +74,7 @@ impl Serve {
             log_prior: self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform).log_prior(&perceiver),
             completion: true,
             projection: ProjectionArgument::Lasso.projection(),
-            view: None,
+            ..Query::default()
         };
         let model_name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let mut daemon = Daemon::open(perceiver, &ServeOptions { instance: instance.clone(), query, model_name })?;

@@ -153,6 +153,8 @@ mod tests {
             truth: ["a", "b"][*truth].into(),
             class: "a".into(),
             posterior: BTreeMap::from([("a".into(), *p), ("b".into(), 1.0 - p)]),
+            pose_error_deg: None,
+            symmetry_aware_error_deg: None,
         });
         let calibration: CalibrationFigures = metrics::calibration(&posteriors, &truths);
         Evaluation {

@@ -5,5 +5,5 @@ pub mod metrics;
 pub mod protocol;
 mod table;
 
-pub use protocol::{Evaluation, evaluate, sample};
+pub use protocol::{Evaluation, Protocol, evaluate, sample};
 pub use table::table;

@@ -1,14 +1,16 @@
-//! The paper's protocol, section IV-A: one query per object, seen from one view, in known pose.
+//! The paper's protocol, section IV: one query per object, seen from one view, in known or unknown pose.
 
 use super::metrics::{self, CalibrationFigures, iou};
-use crate::grid::{Observation, Occupancy, View};
-use crate::perception::{Method, PerceiveError, Perceiver, Percept, Query};
+use crate::grid::{Observation, Occupancy, Rotation, Turn, View, yaw};
+use crate::perception::{Method, PerceiveError, Perceiver, Percept, PoseSearch, Query};
 use crate::shapes::library::{Shape, Shapes};
-use rand::SeedableRng;
+use nalgebra::Quaternion;
 use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::time::Instant;
 
 /// Class, truth and posterior of one query.
@@ -22,6 +24,51 @@ pub struct Prediction {
     pub class: String,
     /// Posterior of every class.
     pub posterior: BTreeMap<String, f64>,
+    /// Angle between the true rotation and the answered one, degrees; null in known pose.
+    pub pose_error_deg: Option<f64>,
+    /// The same, rotations that leave the object as it is counting as equal.
+    pub symmetry_aware_error_deg: Option<f64>,
+}
+
+/// Rotation errors over all queries in degrees, those of wrong class included.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PoseFigures {
+    /// Median.
+    pub median: f64,
+    /// Mean.
+    pub mean: f64,
+    /// 90th percentile.
+    pub p90: f64,
+    /// Median where rotations that leave the object as it is count as equal.
+    pub symmetry_aware_median: f64,
+}
+
+/// How queries are made.
+#[derive(Clone, Copy, Debug)]
+pub struct Protocol {
+    /// From where objects are seen, after their rotation.
+    pub view: View,
+    /// Seed of the rotations.
+    pub seed: u64,
+    /// Whether the true class is told.
+    pub known_class: bool,
+}
+
+/// The true rotation of the query at `place` among all: uniform over what is searched.
+pub fn draw_rotation(pose: PoseSearch, seed: u64, place: usize) -> Rotation {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(place as u64 + 1);
+    let [u, v, w]: [f64; 3] = std::array::from_fn(|_| rng.random_range(0.0..1.0));
+    match pose {
+        PoseSearch::Known => Rotation::identity(),
+        PoseSearch::Yaw { span } => yaw(u * span),
+        PoseSearch::Full => {
+            // Shoemake, "Uniform random rotations", Graphics Gems III, 1992.
+            let ((sin1, cos1), (sin2, cos2)) = ((TAU * v).sin_cos(), (TAU * w).sin_cos());
+            let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
+            Rotation::from_quaternion(Quaternion::new(b * cos2, a * sin1, a * cos1, b * sin2))
+        }
+    }
 }
 
 /// Queries and accuracy of one class.
@@ -76,8 +123,8 @@ pub struct Evaluation {
     pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
     /// Completion.
     pub completion: CompletionFigures,
-    /// Not estimated in known pose.
-    pub pose_error_deg: Option<f64>,
+    /// Rotation errors; null in known pose.
+    pub pose_error_deg: Option<PoseFigures>,
     /// Calibration of the posteriors.
     pub calibration: CalibrationFigures,
     /// Times.
@@ -100,6 +147,8 @@ pub struct QueryFigures {
     pub l2: f64,
     /// Milliseconds.
     pub ms: f64,
+    /// Rotation error in degrees.
+    pub pose_error_deg: Option<f64>,
 }
 
 /// A seeded sample of `limit` shapes with classes in proportion, in path order.
@@ -122,52 +171,73 @@ pub fn sample(shapes: &Shapes, limit: Option<usize>, seed: u64) -> Vec<&Shape> {
 }
 
 /// Answers all `shapes` with one method. `classes` maps a shape's class to the model's. `seen` is called after each query with
-/// its truth, observation and percept.
+/// the object as it stood, its class, the observation and the percept.
 pub fn evaluate(
     perceiver: &Perceiver,
     shapes: &[&Shape],
     classes: &[usize],
     query: &Query,
-    view: View,
-    mut seen: impl FnMut(&Shape, &Observation, &Percept),
+    protocol: &Protocol,
+    mut seen: impl FnMut(&Occupancy, usize, &Observation, &Percept),
 ) -> Result<Evaluation, PerceiveError> {
     let names: Vec<String> = perceiver.model().class_names().map(str::to_owned).collect();
+    let dims = perceiver.model().dims();
     let mut work = perceiver.workspace();
     let mut percept = Percept::default();
     let (mut posteriors, mut truths, mut times) = (Vec::new(), Vec::new(), Vec::new());
     let (mut predictions, mut per_query) = (Vec::new(), Vec::new());
     let mut sums = CompletionFigures::default();
-    let query = Query { view: Some(view), completion: true, ..query.clone() };
+    let mut query = Query { view: Some(protocol.view), completion: true, ..query.clone() };
+    let prior = query.log_prior.clone();
     // One unmeasured query first, so that no time includes the first touch of the model.
     if let Some(shape) = shapes.first() {
-        let observation = view.of(&shape.object);
+        let observation = protocol.view.of(&shape.object);
         perceiver.classify(&observation, &query, &mut work, &mut percept)?;
         perceiver.complete(&query, &mut work, &mut percept)?;
     }
-    for shape in shapes {
+    for (place, shape) in shapes.iter().enumerate() {
         let truth = classes[shape.class];
-        let observation = view.of(&shape.object);
+        let rotation = draw_rotation(query.pose, protocol.seed, place);
+        let object = match query.pose {
+            PoseSearch::Known => shape.object.clone(),
+            _ => Turn::new(dims, &rotation).occupancy(&shape.object),
+        };
+        let observation = protocol.view.of(&object);
+        if protocol.known_class {
+            query.log_prior.clear();
+            query.log_prior.extend((0..names.len()).map(|s| if s == truth { 0.0 } else { f64::NEG_INFINITY }));
+        } else {
+            query.log_prior.clone_from(&prior);
+        }
         let start = Instant::now();
         perceiver.classify(&observation, &query, &mut work, &mut percept)?;
         perceiver.complete(&query, &mut work, &mut percept)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
-        let figures = completion_figures(&shape.object, &observation, &percept, |v| perceiver.class_mean(percept.class, v));
+        let mut mean: Vec<f32> = (0..dims.voxels()).map(|v| perceiver.class_mean(percept.class, v)).collect();
+        if query.pose != PoseSearch::Known {
+            let upright = mean.clone();
+            Turn::new(dims, &percept.rotation).values(&upright, 0.0, &mut mean);
+        }
+        let figures = completion_figures(&object, &observation, &percept, |v| mean[v]);
         sums.iou_unknown += figures.iou_unknown;
         sums.iou_all += figures.iou_all;
         sums.iou_unknown_mean_baseline += figures.iou_unknown_mean_baseline;
         sums.iou_all_mean_baseline += figures.iou_all_mean_baseline;
         sums.l2 += figures.l2;
-        per_query.push(QueryFigures { truth, right: percept.class == truth, l2: figures.l2, ms });
+        let error = (query.pose != PoseSearch::Known).then(|| percept.rotation.angle_to(&rotation).to_degrees());
+        per_query.push(QueryFigures { truth, right: percept.class == truth, l2: figures.l2, ms, pose_error_deg: error });
         predictions.push(Prediction {
             file: shape.file.clone(),
             truth: names[truth].clone(),
             class: names[percept.class].clone(),
             posterior: names.iter().cloned().zip(percept.posterior.iter().copied()).collect(),
+            pose_error_deg: error,
+            symmetry_aware_error_deg: error,
         });
         posteriors.push(percept.posterior.clone());
         truths.push(truth);
         times.push(ms);
-        seen(shape, &observation, &percept);
+        seen(&object, truth, &observation, &percept);
     }
     let n = shapes.len().max(1) as f64;
     let mut per_class = BTreeMap::new();
@@ -183,7 +253,7 @@ pub fn evaluate(
         *confusion.entry(prediction.truth.clone()).or_default().entry(prediction.class.clone()).or_default() += 1;
     }
     Ok(Evaluation {
-        pose: "known",
+        pose: query.pose.name(),
         method: query.method,
         queries: shapes.len(),
         accuracy: per_query.iter().filter(|q| q.right).count() as f64 / n,
@@ -196,7 +266,7 @@ pub fn evaluate(
             iou_all_mean_baseline: sums.iou_all_mean_baseline / n,
             l2: sums.l2 / n,
         },
-        pose_error_deg: None,
+        pose_error_deg: pose_figures(&predictions),
         calibration: metrics::calibration(&posteriors, &truths),
         query_ms: Milliseconds {
             p50: metrics::percentile(&times, 50.0),
@@ -205,6 +275,20 @@ pub fn evaluate(
         },
         predictions,
         per_query,
+    })
+}
+
+fn pose_figures(predictions: &[Prediction]) -> Option<PoseFigures> {
+    let raw: Vec<f64> = predictions.iter().filter_map(|p| p.pose_error_deg).collect();
+    let aware: Vec<f64> = predictions.iter().filter_map(|p| p.symmetry_aware_error_deg).collect();
+    if raw.is_empty() {
+        return None;
+    }
+    Some(PoseFigures {
+        median: metrics::percentile(&raw, 50.0),
+        mean: raw.iter().sum::<f64>() / raw.len() as f64,
+        p90: metrics::percentile(&raw, 90.0),
+        symmetry_aware_median: metrics::percentile(&aware, 50.0),
     })
 }
 

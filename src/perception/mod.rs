@@ -9,9 +9,14 @@
 //! | `paper` | lasso and ridge projection onto W' | eqs. 13–18 |
 //! | `blend` | from scores to a posterior | eq. 9 |
 //! | `completion` | probability and deviation per voxel | eq. 6 |
-//! | `perceiver` | puts them together | |
+//! | `pose` | rotations: priors, search, posterior | eqs. 11, 12, 19–21 |
+//! | `perceiver` | a model prepared for queries; what is asked is handed on to: | |
+//! | `scoring` | class scores in the pose in which an observation stands | |
+//! | `posing` | class and pose jointly | |
+//! | `completing` | the completion, in the frame that was asked for | |
 
 pub mod blend;
+mod completing;
 pub mod completion;
 mod density;
 mod known;
@@ -20,7 +25,9 @@ mod paper;
 mod perceiver;
 mod percept;
 pub mod pose;
+mod posing;
 mod projection;
+mod scoring;
 mod subspace;
 
 pub use density::Density;
@@ -28,7 +35,7 @@ pub use known::Known;
 pub use method::Method;
 pub use paper::Projection;
 pub use perceiver::{PerceiveError, Perceiver, Workspace};
-pub use percept::{Percept, Query};
+pub use percept::{Frame, Percept, Query};
 pub use pose::{Hypothesis, PoseSearch, RotationPrior};
 pub use projection::ColumnSums;
 pub use subspace::{ClassSubspace, Conditional};

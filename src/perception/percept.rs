@@ -1,21 +1,46 @@
 //! What is asked, and what is answered.
 
-use super::{Method, Projection};
-use crate::grid::View;
+use super::{Hypothesis, Method, PoseSearch, Projection, RotationPrior};
+use crate::grid::{Outside, Rotation, View};
+
+/// In which frame a completion is wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Frame {
+    /// The observation's grid, so that it can be laid over what was seen.
+    #[default]
+    Grid,
+    /// The canonical orientation of the training shapes.
+    Object,
+}
 
 /// A question about one observation.
 #[derive(Clone, Debug, Default)]
 pub struct Query {
     /// The estimator.
     pub method: Method,
+    /// What is known of the rotation.
+    pub pose: PoseSearch,
+    /// P(r) over the rotations that are searched.
+    pub rotation_prior: RotationPrior,
+    /// What lies outside the grid: it enters when the observation is turned.
+    pub outside: Outside,
     /// From where the object was seen; `None`: found out from the observation.
     pub view: Option<View>,
-    /// log P(s) per class, up to a constant; empty for a uniform prior.
+    /// log P(s) per class, up to a constant; empty for a uniform prior. Classes with −∞ are left out.
     pub log_prior: Vec<f64>,
     /// Whether the hidden part is asked for.
     pub completion: bool,
+    /// The frame of the completion.
+    pub frame: Frame,
     /// How the paper's method projects.
     pub projection: Projection,
+}
+
+impl Query {
+    /// log P(s) of a class, up to a constant.
+    pub(super) fn log_prior(&self, class: usize) -> f64 {
+        self.log_prior.get(class).copied().unwrap_or(0.0)
+    }
 }
 
 /// The answer. Vectors are reused from query to query.
@@ -23,12 +48,19 @@ pub struct Query {
 pub struct Percept {
     /// Index of the most probable class.
     pub class: usize,
-    /// P(s | query), one value per class; sums to one.
+    /// P(s | query), one value per class; sums to one. In unknown pose, marginal over the pose.
     pub posterior: Vec<f64>,
-    /// The method's raw class scores, before calibration: log density, log evidence, or negative squared distance.
+    /// The method's raw class scores, before calibration: log density, log evidence, or negative squared distance. In unknown
+    /// pose, each class's at its best pose.
     pub scores: Vec<f64>,
-    /// log p(known voxels | s) of the classes whose evidence was computed, else 0.
+    /// log p(known voxels | s) of the classes whose evidence was computed, at the pose that was answered, else 0.
     pub log_evidence: Vec<f64>,
+    /// The pose that is answered and completed: the most probable one of the most probable class, from object axes to grid axes.
+    pub rotation: Rotation,
+    /// Modes of the posterior over class and pose, most probable first.
+    pub hypotheses: Vec<Hypothesis>,
+    /// Expected angle to the first hypothesis, radians: 0 in known pose.
+    pub spread: f64,
     /// Probability that each voxel is filled, d values: observed voxels 0 or 1. Empty when not asked for.
     pub occupancy: Vec<f32>,
     /// Standard deviation of that probability, d values: 0 for observed voxels.

@@ -1,0 +1,121 @@
+//! Completion of the observation that was last classified, by every method, in the frame that was asked for.
+
+use super::completion::{self, Part, for_each_unknown};
+use super::density;
+use super::perceiver::{PerceiveError, Perceiver, SLAB, Workspace};
+use super::percept::Frame;
+use super::{Method, Percept, PoseSearch, Query};
+use crate::grid::Turn;
+use rayon::prelude::*;
+
+/// Classes below this posterior take no part in a completion …
+const LEAST_SHARE: f64 = 0.05;
+/// … and no more than this many do.
+const MOST_PARTS: usize = 3;
+
+/// Least deviation of a voxel that was not observed: in turning, its value may come from an observed neighbour.
+const UNSEEN_DEVIATION: f32 = 0.01;
+
+impl Perceiver {
+    /// Completes the observation that was last classified with `work`, into `percept`.
+    pub fn complete(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
+        let dims = self.model.dims();
+        for values in [&mut percept.occupancy, &mut percept.deviation] {
+            values.clear();
+            values.resize(dims.voxels(), 0.0);
+        }
+        for &voxel in &work.known.filled {
+            percept.occupancy[voxel] = 1.0;
+        }
+        match query.method {
+            Method::Paper => self.complete_as_the_paper(query, work, percept)?,
+            Method::Mean => {
+                let class = &self.subspaces[percept.class];
+                complete_plainly(&work.known.unknown, percept, |voxel| class.mean(voxel));
+            }
+            _ => self.complete_by_evidence(work, percept)?,
+        }
+        if query.pose != PoseSearch::Known && query.frame == Frame::Grid {
+            self.turn_into_grid(work, percept);
+        }
+        Ok(())
+    }
+
+    /// Turns a completion from the object's frame into the observation's grid. What was observed there stays as observed.
+    fn turn_into_grid(&self, work: &Workspace, percept: &mut Percept) {
+        let turn = Turn::new(self.model.dims(), &percept.rotation);
+        let (known, filled) = (work.seen.known(), work.seen.filled());
+        let mut turned = Vec::new();
+        turn.values(&percept.occupancy, 0.0, &mut turned);
+        std::mem::swap(&mut percept.occupancy, &mut turned);
+        turn.values(&percept.deviation, 0.0, &mut turned);
+        std::mem::swap(&mut percept.deviation, &mut turned);
+        for (voxel, (p, deviation)) in percept.occupancy.iter_mut().zip(&mut percept.deviation).enumerate() {
+            if known.contains(voxel) {
+                (*p, *deviation) = (f32::from(u8::from(filled.contains(voxel))), 0.0);
+            } else {
+                *deviation = deviation.max(UNSEEN_DEVIATION);
+            }
+        }
+    }
+
+    fn complete_as_the_paper(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
+        if !percept.informed {
+            self.project_as_the_paper(query, work)?;
+        }
+        let basis = &self.model.basis;
+        let mut row = vec![0.0; basis.rank()];
+        let projected = &work.projected;
+        complete_plainly(&work.known.unknown, percept, |voxel| {
+            basis.widen(voxel..voxel + 1, &mut row);
+            density::dot(&row, projected)
+        });
+        Ok(())
+    }
+
+    fn complete_by_evidence(&self, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
+        let mut shares: Vec<(usize, f64)> = percept.posterior.iter().copied().enumerate().collect();
+        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+        if percept.informed {
+            let likely = shares.iter().filter(|(_, p)| *p > LEAST_SHARE).count().clamp(1, MOST_PARTS);
+            shares.truncate(likely);
+        }
+        let total: f64 = shares.iter().map(|(_, p)| p).sum();
+        let scored = !work.scores.evidence.is_empty();
+        for &(s, _) in &shares {
+            let (class, conditional) = (&self.subspaces[s], &mut work.conditionals[s]);
+            if !scored || !work.wanted[s] {
+                class.condition(&work.known, self.noise, conditional)?;
+                percept.log_evidence[s] = conditional.log_evidence;
+            }
+            class.prepare(conditional);
+        }
+        let parts: Vec<Part<'_>> = shares
+            .iter()
+            .map(|&(s, p)| Part { weight: (p / total) as f32, class: &self.subspaces[s], conditional: &work.conditionals[s] })
+            .collect();
+        let weights = completion::weights(&self.model.metadata.calibration.completion);
+        let dims = self.model.dims();
+        // One slab of columns per task: which thread takes it does not change the result.
+        let slab = dims.y() * dims.z() * SLAB;
+        let runs = &work.known.unknown;
+        let slabs = percept.occupancy.par_chunks_mut(slab).zip(percept.deviation.par_chunks_mut(slab)).zip(&mut work.slabs);
+        slabs.enumerate().for_each(|(i, ((occupancy, deviation), scratch))| {
+            let first = runs.partition_point(|run| run.0 < i * slab);
+            let last = runs.partition_point(|run| run.0 < (i + 1) * slab);
+            for_each_unknown(&parts, &runs[first..last], scratch, |voxel, features| {
+                (occupancy[voxel - i * slab], deviation[voxel - i * slab]) = features.probability(&weights);
+            });
+        });
+        Ok(())
+    }
+}
+
+/// Completion without a model of uncertainty: the value clamped to \[0, 1\], and the deviation of a coin with that bias.
+fn complete_plainly(runs: &[(usize, usize)], percept: &mut Percept, mut value: impl FnMut(usize) -> f32) {
+    for voxel in runs.iter().flat_map(|(start, end)| *start..*end) {
+        let p = value(voxel).clamp(0.0, 1.0);
+        percept.occupancy[voxel] = p;
+        percept.deviation[voxel] = (p * (1.0 - p)).sqrt();
+    }
+}
