@@ -6,7 +6,7 @@ use super::shapes::{self, MeshArguments, ViewArgument};
 use crate::evaluation::figures::{self, Example};
 use crate::evaluation::{Evaluation, Protocol, evaluate, sample, table};
 use crate::model::load;
-use crate::perception::{Method, Perceiver, PoseSearch, Projection, Query};
+use crate::perception::{Method, PaperPose, Perceiver, PoseSearch, Projection, Query};
 use crate::shapes::library::LoadOptions;
 use clap::{Args, ValueEnum};
 use serde::Deserialize;
@@ -39,6 +39,9 @@ pub struct Eval {
     /// How the paper's method projects
     #[arg(long, value_enum, default_value_t = ProjectionArgument::Lasso)]
     projection: ProjectionArgument,
+    /// How the paper's method finds the pose
+    #[arg(long, value_enum, default_value_t = PaperPoseArgument::Edt)]
+    paper_pose: PaperPoseArgument,
     /// Prior over the classes
     #[arg(long, value_enum, default_value_t = PriorArgument::Uniform)]
     prior: PriorArgument,
@@ -105,6 +108,30 @@ pub enum ProjectionArgument {
     Ridge,
 }
 
+/// How the paper's method finds the pose.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum PaperPoseArgument {
+    /// Coarse by distance transforms (eq. 20), fine by density (eq. 21); with a known class by its density (eq. 12)
+    Edt,
+    /// Density alone (eqs. 12, 21)
+    Density,
+    /// Distance to the back-projection (eq. 11)
+    Distance,
+    /// The same relative to the query's length (eq. 19)
+    Reprojection,
+}
+
+impl PaperPoseArgument {
+    fn estimator(self) -> PaperPose {
+        match self {
+            Self::Edt => PaperPose::Edt,
+            Self::Density => PaperPose::Density,
+            Self::Distance => PaperPose::Distance,
+            Self::Reprojection => PaperPose::Reprojection,
+        }
+    }
+}
+
 impl ProjectionArgument {
     /// The projection with its strength.
     pub fn projection(self) -> Projection {
@@ -168,6 +195,7 @@ impl Eval {
                 pose,
                 log_prior: self.prior.log_prior(&perceiver),
                 projection: self.projection.projection(),
+                paper_pose: self.paper_pose.estimator(),
                 ..Query::default()
             };
             let bar = progress::bar(chosen.len(), "answering");

@@ -82,11 +82,8 @@ pub fn table(evaluations: &[Evaluation]) -> String {
         text.push('\n');
         let _ = writeln!(text, "{:<22} {:>7} {:>7} {:>7} {:>22}", "pose error (degrees)", "median", "mean", "p90", "symmetry-aware median");
         for (name, pose) in evaluations.iter().filter_map(|e| Some((e.method.name(), e.pose_error_deg?))) {
-            let _ = writeln!(
-                text,
-                "{name:<22} {:>7.2} {:>7.2} {:>7.2} {:>22.2}",
-                pose.median, pose.mean, pose.p90, pose.symmetry_aware_median
-            );
+            let _ =
+                writeln!(text, "{name:<22} {:>7.2} {:>7.2} {:>7.2} {:>22.2}", pose.median, pose.mean, pose.p90, pose.symmetry_aware_median);
         }
     }
     text

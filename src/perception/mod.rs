@@ -13,6 +13,7 @@
 //! | `perceiver` | a model prepared for queries; what is asked is handed on to: | |
 //! | `scoring` | class scores in the pose in which an observation stands | |
 //! | `posing` | class and pose jointly | |
+//! | `paper_pose` | pose by the paper's estimators | eqs. 11, 12, 19–21 |
 //! | `completing` | the completion, in the frame that was asked for | |
 
 pub mod blend;
@@ -22,6 +23,7 @@ mod density;
 mod known;
 mod method;
 mod paper;
+mod paper_pose;
 mod perceiver;
 mod percept;
 pub mod pose;
@@ -34,6 +36,7 @@ pub use density::Density;
 pub use known::Known;
 pub use method::Method;
 pub use paper::Projection;
+pub use paper_pose::PaperPose;
 pub use perceiver::{PerceiveError, Perceiver, Workspace};
 pub use percept::{Frame, Percept, Query};
 pub use pose::{Hypothesis, PoseSearch, RotationPrior};

@@ -1,6 +1,6 @@
 //! What is asked, and what is answered.
 
-use super::{Hypothesis, Method, PoseSearch, Projection, RotationPrior};
+use super::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior};
 use crate::grid::{Outside, Rotation, View};
 
 /// In which frame a completion is wanted.
@@ -34,6 +34,8 @@ pub struct Query {
     pub frame: Frame,
     /// How the paper's method projects.
     pub projection: Projection,
+    /// How the paper's method finds the pose.
+    pub paper_pose: PaperPose,
 }
 
 impl Query {

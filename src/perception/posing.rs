@@ -19,6 +19,7 @@ impl Perceiver {
     pub(super) fn find_pose(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
         match query.pose {
             PoseSearch::Known => return Ok(()),
+            _ if query.method == Method::Paper && percept.informed => self.find_pose_as_the_paper(query, work, percept)?,
             PoseSearch::Yaw { span } => self.find_yaw(span, query, work, percept)?,
             PoseSearch::Full => self.find_yaw(std::f64::consts::TAU, query, work, percept)?,
         }

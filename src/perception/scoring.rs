@@ -1,6 +1,7 @@
 //! Class scores of an observation in the pose in which it stands, by every method.
 
 use super::blend::{Scores, softmax};
+use super::known::Known;
 use super::perceiver::{PerceiveError, Perceiver, Workspace};
 use super::{Density, Method, Percept, Query, paper};
 use crate::linear::LinearError;
@@ -96,11 +97,15 @@ impl Perceiver {
 
     /// o'_q (eq. 18), into `work.projected`.
     pub(super) fn project_as_the_paper(&self, query: &Query, work: &mut Workspace) -> Result<(), LinearError> {
-        let (gram, b) =
-            paper::normal_equations(&self.model.basis, self.gram.get_or_init(|| paper::full_gram(&self.model.basis)), &work.known);
+        let (gram, b) = self.normal_equations(&work.known);
         let solution = paper::solve(&gram, &b, query.projection)?;
         work.projected.iter_mut().zip(solution).for_each(|(out, v)| *out = v as f32);
         Ok(())
+    }
+
+    /// Gram and right-hand side of eqs. 16 and 17.
+    pub(super) fn normal_equations(&self, known: &Known) -> (faer::Mat<f64>, Vec<f64>) {
+        paper::normal_equations(&self.model.basis, self.gram.get_or_init(|| paper::full_gram(&self.model.basis)), known)
     }
 
     /// The paper's densities of complete objects.

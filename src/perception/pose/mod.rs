@@ -4,10 +4,12 @@
 //! | --- | --- |
 //! | `prior` | P(r): uniform, around an expected rotation, or around the last answer of a tracked object |
 //! | `posterior` | weighted rotations, merged into hypotheses |
+//! | `grid` | rotations spread evenly over SO(3) |
 //! | `circle` | search over angles about z, whatever the score |
 //! | `yaw` | scores of such angles by the hull's projection |
 
 pub(crate) mod circle;
+pub(crate) mod grid;
 pub(crate) mod posterior;
 mod prior;
 pub(crate) mod yaw;
