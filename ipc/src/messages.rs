@@ -60,7 +60,8 @@ pub struct ObservationHeader {
     pub view: u32,
     /// Name of the sensor's or the world's frame, UTF-8, padded with NUL.
     pub frame_id: [u8; 32],
-    /// The `object_id` of this producer's object whose last answer narrows the pose search; read if `continues` is 1.
+    /// The `object_id` of this producer's object whose last answer narrows the pose search; read if `continues` is 1 and there is
+    /// no rotation prior.
     pub continued_object_id: u64,
     /// 1 if this observation continues the stream `continued_object_id`, 0 if not.
     pub continues: u32,

@@ -65,7 +65,8 @@ pub struct Eval {
 }
 
 /// What is known of the pose.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum PoseArgument {
     /// Objects stand as the training shapes do
     Known,

@@ -2,9 +2,9 @@
 
 use super::eval::PoseArgument;
 use super::failure::Failure;
-use super::shapes::{MeshArguments, ViewArgument};
+use super::shapes::{MeshArguments, Source, ViewArgument};
 use super::stop;
-use crate::grid::{Dims, Observation};
+use crate::grid::Dims;
 use beo_ipc::{InstanceName, ObservationHeader, PoseSearch, Producer, Status, Subscriber, SubscriberOptions};
 use clap::Args;
 use std::path::PathBuf;
@@ -26,6 +26,12 @@ pub struct Observe {
     /// What is known of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
+    /// Turn the object by this much about the vertical axis from one of its observations to the next
+    #[arg(long, default_value_t = 0.0, value_name = "DEGREES", allow_negative_numbers = true)]
+    turn: f64,
+    /// Say that each observation of an object continues the one before, so that its last pose narrows the search
+    #[arg(long)]
+    track: bool,
     /// Observations per second
     #[arg(long, default_value_t = 30.0, value_name = "HZ")]
     rate: f64,
@@ -48,6 +54,9 @@ impl Observe {
         if !(self.rate > 0.0 && self.rate <= 1e6) {
             return Err(Failure::Usage(format!("--rate {}: use a number above 0, at most 1000000", self.rate)));
         }
+        if !self.turn.is_finite() || self.turn != 0.0 && self.view != ViewArgument::Top {
+            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top)", self.turn)));
+        }
         let wait = seconds(self.wait)?;
         let stop = stop::on_signal()?;
         let deadline = Instant::now() + wait;
@@ -56,8 +65,8 @@ impl Observe {
         let [x, y, z] = status.dims.map(|side| side as usize);
         let dims = Dims::new(x, y, z)?;
         let read = self.mesh.read_options(dims)?;
-        let observations = self.files.iter().map(|file| self.view.observe(file, &read)).collect::<Result<Vec<Observation>, _>>()?;
-        if let Some((file, found)) = self.files.iter().zip(&observations).find(|(_, o)| o.dims() != dims) {
+        let sources = self.files.iter().map(|file| self.view.source(file, &read)).collect::<Result<Vec<Source>, _>>()?;
+        if let Some((file, found)) = self.files.iter().zip(&sources).find(|(_, source)| source.dims() != dims) {
             let found = found.dims();
             return Err(Failure::Failed(format!("{} is a grid of {found}, the daemon's model is for {dims}", file.display())));
         }
@@ -76,11 +85,14 @@ impl Observe {
         let mut next = Instant::now();
         let (mut sent, mut answered) = (0, 0);
         while sent < count && !stop.load(Ordering::Relaxed) {
-            let which = (sent % observations.len() as u64) as usize;
+            let (round, which) = (sent / sources.len() as u64, (sent % sources.len() as u64) as usize);
             let mut loan = producer.loan()?;
-            observations[which].write(loan.voxels_mut());
+            sources[which].turned_by((self.turn * round as f64).to_radians()).write(loan.voxels_mut());
             // Each file is an object of its own: none replaces another while the daemon is busy.
-            loan.header_mut().object_id = which as u64 + 1;
+            let header = loan.header_mut();
+            header.object_id = which as u64 + 1;
+            header.continued_object_id = header.object_id;
+            header.continues = u32::from(self.track);
             loan.send()?;
             sent += 1;
             next += period;

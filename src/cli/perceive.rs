@@ -3,8 +3,9 @@
 use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::shapes::{MeshArguments, ViewArgument};
+use crate::grid::{Rotation, yaw_of};
 use crate::model::load;
-use crate::perception::{Method, Perceiver, Percept, Query};
+use crate::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -38,6 +39,9 @@ pub struct Perceive {
     /// Prior over the classes
     #[arg(long, value_enum, default_value_t = PriorArgument::Uniform)]
     prior: PriorArgument,
+    /// Turn shapes by this much about the vertical axis before they are seen
+    #[arg(long, default_value_t = 0.0, value_name = "DEGREES", allow_negative_numbers = true)]
+    turn: f64,
     /// Print one JSON object a line
     #[arg(long)]
     json: bool,
@@ -45,9 +49,25 @@ pub struct Perceive {
     mesh: MeshArguments,
 }
 
+/// A rotation for people: its angle, its axis unless that is z, and how far the posterior spreads.
+pub fn describe_pose(rotation: &Rotation, spread: f64) -> String {
+    let spread = spread.to_degrees();
+    let about_z = rotation.i.abs().max(rotation.j.abs()) < 1e-6;
+    match rotation.axis_angle() {
+        Some((axis, angle)) if !about_z => {
+            let [x, y, z] = [axis.x, axis.y, axis.z];
+            format!("turned by {:.0}° about ({x:.2}, {y:.2}, {z:.2}) ± {spread:.0}°", angle.to_degrees())
+        }
+        _ => format!("turned by {:.0}° ± {spread:.0}°", yaw_of(rotation).to_degrees()),
+    }
+}
+
 impl Perceive {
     /// Runs the command. Files that cannot be answered are named; the others are answered all the same.
     pub fn run(self) -> Result<(), Failure> {
+        if !self.turn.is_finite() || self.turn != 0.0 && self.view != ViewArgument::Top {
+            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top)", self.turn)));
+        }
         let model = Arc::new(load(&self.model)?);
         let read = self.mesh.read_options(model.dims())?;
         let perceiver = Perceiver::new(model.clone())?;
@@ -64,7 +84,8 @@ impl Perceive {
         let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
         let mut failed = 0;
         for file in &self.files {
-            let answer = self.view.observe(file, &read).and_then(|observation| {
+            let answer = self.view.source(file, &read).and_then(|source| {
+                let observation = source.turned_by(self.turn.to_radians());
                 perceiver.classify(&observation, &query, &mut work, &mut percept)?;
                 perceiver.complete(&query, &mut work, &mut percept)?;
                 Ok(())
@@ -78,11 +99,17 @@ impl Perceive {
             let posterior: BTreeMap<&str, f64> = names.iter().copied().zip(percept.posterior.iter().copied()).collect();
             if self.json {
                 let scores: BTreeMap<&str, f64> = names.iter().copied().zip(percept.scores.iter().copied()).collect();
+                let hypothesis = |h: &Hypothesis| {
+                    let rotation = [h.rotation.i, h.rotation.j, h.rotation.k, h.rotation.w];
+                    json!({ "rotation": rotation, "class": names[h.class], "probability": h.probability })
+                };
                 let line = json!({
                     "file": file.display().to_string(),
                     "class": names[percept.class],
                     "posterior": posterior,
                     "scores": scores,
+                    "hypotheses": percept.hypotheses.iter().map(hypothesis).collect::<Vec<_>>(),
+                    "rotation_spread_rad": percept.spread,
                     "completion": { "dims": <[usize; 3]>::from(model.dims()), "filled": filled },
                 });
                 say!("{line}");
@@ -90,7 +117,12 @@ impl Perceive {
                 let mut ranked: Vec<(&str, f64)> = posterior.into_iter().collect();
                 ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
                 let others: Vec<String> = ranked[1..].iter().take(2).map(|(name, p)| format!("{name} {:.1} %", 100.0 * p)).collect();
-                say!("{}: {} {:.1} % ({}), {filled} voxels filled", file.display(), ranked[0].0, 100.0 * ranked[0].1, others.join(", "));
+                let (name, p) = ranked[0];
+                let pose = match query.pose {
+                    PoseSearch::Known => String::new(),
+                    _ => format!(", {}", describe_pose(&percept.rotation, percept.spread)),
+                };
+                say!("{}: {name} {:.1} % ({}){pose}, {filled} voxels filled", file.display(), 100.0 * p, others.join(", "));
             }
         }
         match failed {

@@ -1,6 +1,6 @@
 //! `beo serve`: the daemon.
 
-use super::eval::{PriorArgument, ProjectionArgument};
+use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::stop;
 use crate::model::load;
@@ -21,12 +21,15 @@ pub struct Serve {
     /// Instance: daemon and clients of one name find each other [default: default]
     #[arg(long, value_name = "NAME")]
     instance: Option<InstanceName>,
-    /// TOML file with the same settings: model, instance, method, prior; flags override it
+    /// TOML file with the same settings: model, instance, method, pose, prior; flags override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Method: auto, hull, evidence, paper or mean [default: auto]
     #[arg(long)]
     method: Option<Method>,
+    /// Search for observations that say that their pose is known, as producers do by default [default: known]
+    #[arg(long, value_enum)]
+    pose: Option<PoseArgument>,
     /// Prior over the classes [default: uniform]
     #[arg(long, value_enum)]
     prior: Option<PriorArgument>,
@@ -39,6 +42,7 @@ struct Configuration {
     model: Option<PathBuf>,
     instance: Option<String>,
     method: Option<Method>,
+    pose: Option<PoseArgument>,
     prior: Option<PriorArgument>,
 }
 
@@ -50,7 +54,7 @@ impl Serve {
                 let text = std::fs::read_to_string(path).map_err(|e| Failure::Failed(format!("cannot read {}: {e}", path.display())))?;
                 toml::from_str::<Configuration>(&text).map_err(|e| {
                     let line = e.to_string().replace('\n', " ");
-                    Failure::Failed(format!("{}: {}; known settings: model, instance, method, prior", path.display(), line.trim()))
+                    Failure::Failed(format!("{}: {}; known settings: model, instance, method, pose, prior", path.display(), line.trim()))
                 })?
             }
             None => Configuration::default(),
@@ -73,6 +77,7 @@ impl Serve {
             method: self.method.or(configuration.method).unwrap_or_default(),
             log_prior: self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform).log_prior(&perceiver),
             completion: true,
+            pose: self.pose.or(configuration.pose).unwrap_or(PoseArgument::Known).search(360.0)?,
             projection: ProjectionArgument::Lasso.projection(),
             ..Query::default()
         };

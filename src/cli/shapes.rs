@@ -2,10 +2,11 @@
 
 use super::failure::Failure;
 use super::progress;
-use crate::grid::{Dims, Observation, View};
+use crate::grid::{Dims, Observation, Occupancy, Turn, View, yaw};
 use crate::shapes::library::{self, LoadOptions, Shapes};
 use crate::shapes::{ReadOptions, Up, longest_side, read_observation, read_shape};
 use clap::{Args, ValueEnum};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// How meshes become voxels.
@@ -53,12 +54,39 @@ pub enum ViewArgument {
     None,
 }
 
-impl ViewArgument {
-    /// Reads the observation that a file stands for.
-    pub fn observe(self, path: &Path, options: &ReadOptions) -> Result<Observation, Failure> {
+/// Something to be observed.
+pub enum Source {
+    /// A complete shape and from where it is seen.
+    Shape(Occupancy, View),
+    /// What was seen of a shape.
+    Observation(Observation),
+}
+
+impl Source {
+    /// Size of its grid.
+    pub fn dims(&self) -> Dims {
         match self {
-            ViewArgument::Top => Ok(View::Top.of(&read_shape(path, options)?)),
-            ViewArgument::None => Ok(read_observation(path)?),
+            Source::Shape(object, _) => object.dims(),
+            Source::Observation(observation) => observation.dims(),
+        }
+    }
+
+    /// What is seen of it, a shape being first turned about z by `angle` radians.
+    pub fn turned_by(&self, angle: f64) -> Cow<'_, Observation> {
+        match self {
+            Source::Shape(object, view) if angle == 0.0 => Cow::Owned(view.of(object)),
+            Source::Shape(object, view) => Cow::Owned(view.of(&Turn::new(object.dims(), &yaw(angle)).occupancy(object))),
+            Source::Observation(observation) => Cow::Borrowed(observation),
+        }
+    }
+}
+
+impl ViewArgument {
+    /// Reads what a file holds.
+    pub fn source(self, path: &Path, options: &ReadOptions) -> Result<Source, Failure> {
+        match self {
+            ViewArgument::Top => Ok(Source::Shape(read_shape(path, options)?, View::Top)),
+            ViewArgument::None => Ok(Source::Observation(read_observation(path)?)),
         }
     }
 

@@ -2,13 +2,15 @@
 
 use super::failure::{Failure, cannot_write};
 use super::observe::{first_status, seconds};
+use super::perceive::describe_pose;
 use super::stop;
-use crate::grid::{Dims, Observation};
+use crate::grid::{Dims, Observation, Rotation};
 use crate::picture::{draw_completion, draw_observation, sheet};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::from_field;
-use beo_ipc::{Completion, InstanceName, Percept, PerceptStatus, Status, Subscriber, SubscriberOptions, tasks};
+use beo_ipc::{Completion, Hypothesis, InstanceName, Percept, PerceptStatus, Status, Subscriber, SubscriberOptions, tasks};
 use clap::Args;
+use nalgebra::Quaternion;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -120,12 +122,19 @@ fn classes(percept: &Percept) -> usize {
     (percept.class_count as usize).min(percept.posterior.len())
 }
 
+fn hypotheses(percept: &Percept) -> &[Hypothesis] {
+    &percept.hypotheses[..(percept.hypothesis_count as usize).min(percept.hypotheses.len())]
+}
+
 fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Status, read_ns: u64) -> String {
     let mut line = json!({ "sequence": percept.sequence, "latency_us": latency_us(percept, read_ns) });
     if percept.status == PerceptStatus::Ok.code() {
         let posterior: BTreeMap<&str, f32> = (0..classes(percept)).map(|s| (class_name(status, s as u32), percept.posterior[s])).collect();
         line["class"] = class_name(status, percept.class_index).into();
         line["posterior"] = json!(posterior);
+        let hypothesis = |h: &Hypothesis| json!({ "rotation": h.rotation_object_to_grid, "class": class_name(status, h.class_index), "probability": h.probability });
+        line["hypotheses"] = hypotheses(percept).iter().map(hypothesis).collect();
+        line["rotation_spread_rad"] = percept.rotation_spread_rad.into();
     } else {
         line["class"] = serde_json::Value::Null;
         line["posterior"] = json!({});
@@ -145,7 +154,18 @@ fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Status, 
     let others: Vec<String> = ranked.iter().skip(1).take(2).map(|(name, p)| format!("{name} {:.1} %", 100.0 * p)).collect();
     let completed = completion.as_ref().map_or("no completion".into(), |c| format!("{} voxels filled", filled(c)));
     let (name, p) = ranked.first().copied().unwrap_or(("?", 0.0));
-    format!("#{} {name} {:.1} % ({}), {completed}, {latency:.2} ms", percept.sequence, 100.0 * p, others.join(", "))
+    // The pose that goes with the class: most of the time the first hypothesis.
+    let pose = hypotheses(percept).iter().find(|h| h.class_index == percept.class_index).map(|h| {
+        let [x, y, z, w] = h.rotation_object_to_grid.map(f64::from);
+        Rotation::from_quaternion(Quaternion::new(w, x, y, z))
+    });
+    let pose = match pose {
+        Some(rotation) if rotation != Rotation::identity() || percept.rotation_spread_rad > 0.0 => {
+            format!(", {}", describe_pose(&rotation, f64::from(percept.rotation_spread_rad)))
+        }
+        _ => String::new(),
+    };
+    format!("#{} {name} {:.1} % ({}){pose}, {completed}, {latency:.2} ms", percept.sequence, 100.0 * p, others.join(", "))
 }
 
 /// A picture to be drawn: drawing takes longer than a percept, so it is done in another thread.

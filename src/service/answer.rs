@@ -1,14 +1,13 @@
 //! One observation in, percept and completion out.
 
 use super::streams::Waiting;
-use crate::grid::View;
-use crate::perception::{self, Method, PerceiveError, Perceiver, Query, Workspace};
+use super::tracks::Tracks;
+use crate::grid::{Outside, Rotation, View};
+use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, RotationPrior, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
-use beo_ipc::{Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
-
-/// Quaternion x, y, z, w of no rotation.
-const IDENTITY: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+use beo_ipc::{CompletionFrame, Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use nalgebra::Quaternion;
 
 /// Answers observations with one model.
 pub struct Answerer {
@@ -16,12 +15,22 @@ pub struct Answerer {
     work: Workspace,
     percept: perception::Percept,
     query: Query,
+    /// The search for observations that say that their pose is known.
+    pose: perception::PoseSearch,
+    tracks: Tracks,
 }
 
 impl Answerer {
-    /// An answerer that uses `query` but for the view and the completion, which observations ask for themselves.
+    /// An answerer that uses `query` for what observations do not say themselves.
     pub fn new(perceiver: Perceiver, query: Query) -> Self {
-        Self { work: perceiver.workspace(), percept: perception::Percept::default(), perceiver, query }
+        Self {
+            work: perceiver.workspace(),
+            percept: perception::Percept::default(),
+            perceiver,
+            pose: query.pose,
+            query,
+            tracks: Tracks::default(),
+        }
     }
 
     /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be
@@ -43,13 +52,12 @@ impl Answerer {
             percept.posterior[s] = answer.posterior[s] as f32;
             percept.log_evidence[s] = answer.scores.get(s).copied().unwrap_or(0.0) as f32;
         }
-        // The pose is known: one hypothesis, without spread.
-        percept.hypothesis_count = 1;
-        percept.hypotheses[0] = Hypothesis {
-            rotation_object_to_grid: IDENTITY,
-            class_index: percept.class_index,
-            probability: percept.posterior[answer.class],
-        };
+        percept.hypothesis_count = answer.hypotheses.len().min(percept.hypotheses.len()) as u32;
+        for (field, h) in percept.hypotheses.iter_mut().zip(&answer.hypotheses) {
+            let probability = h.probability as f32;
+            *field = Hypothesis { rotation_object_to_grid: quaternion(&h.rotation), class_index: h.class as u32, probability };
+        }
+        percept.rotation_spread_rad = answer.spread as f32;
         percept.posed_ns = percept.classified_ns;
         if header.tasks & tasks::COMPLETION != 0 {
             match self.complete(server, waiting) {
@@ -65,11 +73,39 @@ impl Answerer {
     }
 
     fn classify(&mut self, waiting: &Waiting) -> Result<(), PerceiveError> {
-        self.query.view = match beo_ipc::View::from_code(waiting.header.view) {
+        let header = &waiting.header;
+        let query = &mut self.query;
+        query.view = match beo_ipc::View::from_code(header.view) {
             Some(beo_ipc::View::TopDown) => Some(View::Top),
             _ => None,
         };
-        self.perceiver.classify(&waiting.observation, &self.query, &mut self.work, &mut self.percept)
+        query.pose = match PoseSearch::from_code(header.pose_search) {
+            Some(PoseSearch::Yaw) => perception::PoseSearch::YAW,
+            Some(PoseSearch::Full) => perception::PoseSearch::Full,
+            _ => self.pose,
+        };
+        query.outside = match beo_ipc::Outside::from_code(header.outside) {
+            Some(beo_ipc::Outside::Unknown) => Outside::Unknown,
+            _ => Outside::Empty,
+        };
+        query.frame = match CompletionFrame::from_code(header.completion_frame) {
+            Some(CompletionFrame::Object) => Frame::Object,
+            _ => Frame::Grid,
+        };
+        query.rotation_prior = if header.rotation_prior_concentration > 0.0 {
+            let [x, y, z, w] = header.rotation_prior.map(f64::from);
+            RotationPrior::around(Rotation::from_quaternion(Quaternion::new(w, x, y, z)), f64::from(header.rotation_prior_concentration))
+        } else if header.continues != 0 {
+            self.tracks.expectation(header.producer_id, header.continued_object_id).cloned().unwrap_or_default()
+        } else {
+            RotationPrior::uniform()
+        };
+        self.perceiver.classify(&waiting.observation, query, &mut self.work, &mut self.percept)?;
+        // What says nothing of the object does not change what is expected of it.
+        if query.pose != perception::PoseSearch::Known && self.percept.informed {
+            self.tracks.remember(header.producer_id, header.object_id, &self.percept);
+        }
+        Ok(())
     }
 
     /// Writes the completion in place into shared memory.
@@ -80,7 +116,7 @@ impl Answerer {
         header.model_id = self.perceiver.model().id;
         header.class_index = self.percept.class as u32;
         header.method = method_code(self.query.method).code();
-        // In known pose, the grid stands as the object does: both frames are the same.
+        header.rotation_object_to_grid = quaternion(&self.percept.rotation);
         header.frame = waiting.header.completion_frame;
         let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
         for (bytes, values) in [(occupancy, &self.percept.occupancy), (deviation, &self.percept.deviation)] {
@@ -91,14 +127,17 @@ impl Answerer {
 }
 
 /// Why a valid header cannot be answered by this daemon, if so.
-pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3]) -> Option<Refusal> {
+pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method) -> Option<Refusal> {
     if header.dims != model {
         return Some(Refusal::DimsNotOfModel { dims: header.dims, model });
     }
-    match PoseSearch::from_code(header.pose_search) {
-        Some(PoseSearch::Known) | None => None, // unknown numbers were refused with the header
-        Some(search) => Some(Refusal::PoseSearchNotSupported(search)),
-    }
+    // The paper's method projects the observation once for each of two thousand rotations: half a minute, all others waiting.
+    let too_slow = header.pose_search == PoseSearch::Full.code() && method == Method::Paper;
+    too_slow.then_some(Refusal::PoseSearchNotSupported(PoseSearch::Full))
+}
+
+fn quaternion(rotation: &Rotation) -> [f32; 4] {
+    [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32)
 }
 
 /// The same percept, saying that the daemon failed.

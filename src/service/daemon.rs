@@ -4,7 +4,7 @@ use super::answer::{Answerer, unsupported};
 use super::latency::Latencies;
 use super::streams::Streams;
 use crate::grid::ObservationError;
-use crate::perception::{PerceiveError, Perceiver, Query};
+use crate::perception::{Method, PerceiveError, Perceiver, Query};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
 use beo_ipc::{InstanceName, OpenError, Percept, ReceiveError, Refusal, Server, ServerOptions, Status, WaitError};
@@ -54,6 +54,7 @@ pub struct Daemon {
     latencies: Latencies,
     status: Status,
     dims: [u32; 3],
+    method: Method,
 }
 
 impl Daemon {
@@ -81,6 +82,7 @@ impl Daemon {
             latencies: Latencies::new(),
             status,
             dims,
+            method: options.query.method,
         };
         daemon.publish_status();
         Ok(daemon)
@@ -138,7 +140,7 @@ impl Daemon {
             let received_ns = monotonic_ns();
             self.status.received += 1;
             let header = observation.header();
-            let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.dims) {
+            let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.dims, self.method) {
                 Some(refusal) => Err(refusal),
                 None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
             });

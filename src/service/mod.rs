@@ -3,6 +3,7 @@
 //! | file | what |
 //! | --- | --- |
 //! | `streams` | observations that wait, the newest of each stream |
+//! | `tracks` | what was last answered of each object |
 //! | `answer` | one observation in, percept and completion out |
 //! | `latency` | percentiles of recent latencies |
 //! | `daemon` | the loop: receive, answer, heartbeat |
@@ -11,5 +12,6 @@ mod answer;
 mod daemon;
 mod latency;
 mod streams;
+mod tracks;
 
 pub use daemon::{Daemon, ServeError, ServeOptions};

@@ -1,6 +1,7 @@
 //! The program as its users run it: real processes, real shared memory.
 
 mod harness;
+mod pose;
 mod real_shapes;
 mod service;
 mod training;

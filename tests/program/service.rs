@@ -2,7 +2,7 @@
 
 use crate::harness::{RESOLUTION, Running, beo, instance, model, run, segments, serve, shape, text};
 use beo::shapes::furniture;
-use beo_ipc::{InstanceName, ObservationHeader, Percept, PerceptStatus, PoseSearch, Producer, Subscriber, SubscriberOptions, tasks};
+use beo_ipc::{InstanceName, ObservationHeader, Percept, PerceptStatus, Producer, Subscriber, SubscriberOptions, tasks};
 use rustix::process::Signal;
 use serde_json::Value;
 use std::time::{Duration, Instant};
@@ -141,8 +141,8 @@ fn what_cannot_be_answered_is_refused_with_a_reason_and_the_next_is_answered() {
     refused(client.ask(|header, _| header.dims = [30; 3]), PerceptStatus::BadDims, "30");
     refused(client.ask(|header, _| header.orientation = [f64::NAN; 4]), PerceptStatus::BadHeader, "orientation");
     refused(client.ask(|header, _| header.abi_version = 7), PerceptStatus::UnknownVersion, "7");
-    let yaw = |header: &mut ObservationHeader, _: &mut [u8]| header.pose_search = PoseSearch::Yaw.code();
-    refused(client.ask(yaw), PerceptStatus::PoseSearchNotSupported, "pose");
+    refused(client.ask(|header, _| header.rotation_prior_concentration = -1.0), PerceptStatus::BadHeader, "rotation_prior_concentration");
+    refused(client.ask(|header, _| header.pose_search = 9), PerceptStatus::BadHeader, "pose_search");
 
     let percept = client.ask(|header, voxels| {
         header.object_id = 42;

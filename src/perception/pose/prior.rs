@@ -2,11 +2,19 @@
 
 use super::PoseSearch;
 use crate::grid::Rotation;
+use crate::perception::Percept;
 
 /// Concentrations beyond this (a spread of a fifth of a degree) are taken for this.
 const MOST_CONCENTRATED: f64 = 1e5;
 /// Points of the quadrature that normalises; enough for the narrowest peak.
 const POINTS: usize = 4096;
+
+/// From frame to frame an object turns by about 10°: κ = 1/σ².
+const FRAME_CONCENTRATION: f64 = 32.8;
+/// Probability that it turned in any other way, or that the last answer was wrong: what lets tracking recover.
+const FRAME_FLOOR: f64 = 0.02;
+/// Weight of the pose that was answered, against all hypotheses.
+const COMMITMENT: f64 = 0.5;
 
 /// P(r) as a mixture: a uniform floor, and components exp(κ cos θ) around rotations, θ the angle from them (the isotropic
 /// matrix Fisher density; about one axis, von Mises).
@@ -34,6 +42,13 @@ impl RotationPrior {
         let total: f64 = components.iter().map(|(_, weight)| weight).sum();
         components.iter_mut().for_each(|(_, weight)| *weight /= total);
         Self { components, concentration: concentration.clamp(0.0, MOST_CONCENTRATED), floor: floor.clamp(0.0, 1.0) }
+    }
+
+    /// Where an object is to be expected one frame after `percept`: around its hypotheses, and most of all around the one that
+    /// was answered, so that of the equivalent poses of a symmetric object the same one stays the answer.
+    pub fn continuing(percept: &Percept) -> Self {
+        let others = percept.hypotheses.iter().map(|h| (h.rotation, (1.0 - COMMITMENT) * h.probability));
+        Self::mixture(std::iter::once((percept.rotation, COMMITMENT)).chain(others), FRAME_CONCENTRATION, FRAME_FLOOR)
     }
 
     /// Whether it is the same everywhere.
