@@ -3,6 +3,7 @@
 pub mod figures;
 pub mod metrics;
 pub mod protocol;
+pub mod symmetry;
 mod table;
 
 pub use protocol::{Evaluation, evaluate, sample};
