@@ -1,6 +1,7 @@
 //! The paper's evaluation: protocol, figures of merit, tables and plots.
 
 pub mod figures;
+pub mod icp;
 pub mod metrics;
 pub mod protocol;
 pub mod symmetry;
