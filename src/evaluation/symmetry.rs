@@ -4,7 +4,7 @@
 //! compared with every r∘g. The rule that finds these g, from the complete object alone:
 //!
 //! - A rotation *maps the object to itself* when at least 98 % of the object's surface voxels, rotated about the grid's centre,
-//!   fall on or next to (26-neighbourhood) a surface voxel of the object, and the same holds for the inverse rotation. This is
+//!   fall on or next to (26-neighbourhood) a surface voxel of the object; the rules below demand the same of its inverse. This is
 //!   the surface overlap at a tolerance (Nikolov et al., JMIR 2021) with one voxel for the tolerance, which is what sampling two
 //!   copies of one shape on two grids can differ by. A plain intersection over union depends too much on that sampling: at
 //!   angles that are true symmetries it is 0.7 for thin tables, at others it is 0.8 for solid boxes. What makes up less than
@@ -82,20 +82,16 @@ impl Symmetries {
         let mut rotations = largest_group(&passing);
         let mut round = Round::None;
         for axis in [Vector3::z_axis(), Vector3::x_axis(), Vector3::y_axis()] {
-            // What moves an axis of more than four turns is a coincidence of sizes.
-            let keeps_axis = |r: &UnitQuaternion<f64>| (r * axis).dot(&axis).abs() > 0.5;
             match (surface.turns_about(axis), round) {
-                (None, Round::None) => {
-                    rotations.retain(keeps_axis);
-                    round = Round::Axis(axis);
-                }
+                (None, Round::None) => round = Round::Axis(axis),
                 (None, _) => round = Round::Ball,
-                (Some(turns), Round::None) if !matches!(turns, 1 | 2 | 4) => {
-                    let of_cube: Vec<_> = rotations.drain(..).filter(keeps_axis).collect();
+                // Turns by quarters are among the rotations of the cube.
+                (Some(1 | 2 | 4), _) => {}
+                (Some(turns), _) => {
+                    let of_cube = rotations.clone();
                     let turns = multiples(axis, turns);
                     turns.iter().for_each(|turn| of_cube.iter().for_each(|rotation| insert(&mut rotations, turn * rotation)));
                 }
-                _ => {}
             }
         }
         Self { rotations, round }
@@ -152,12 +148,8 @@ impl Surface {
         Self { dims, points, near }
     }
 
-    /// Whether a rotation and its inverse map the surface to itself.
+    /// Whether the rotated surface falls on or next to the surface.
     fn meets_itself(&self, rotation: &UnitQuaternion<f64>) -> bool {
-        self.covers(rotation) && self.covers(&rotation.inverse())
-    }
-
-    fn covers(&self, rotation: &UnitQuaternion<f64>) -> bool {
         let matrix = rotation.to_rotation_matrix();
         let sides = <[usize; 3]>::from(self.dims);
         let half = Vector3::from(sides.map(|n| n as f64 / 2.0));
@@ -177,8 +169,7 @@ impl Surface {
 
     /// Number of rotations about an axis that map the surface to itself; `None` when all do.
     fn turns_about(&self, axis: Unit<Vector3<f64>>) -> Option<usize> {
-        // Rotations pass together with their inverses, so half of the circle is enough.
-        if (1..=180).all(|degrees: u32| self.meets_itself(&about(axis, f64::from(degrees).to_radians()))) {
+        if (1..360).all(|degrees: u32| self.meets_itself(&about(axis, f64::from(degrees).to_radians()))) {
             return None;
         }
         let all_pass = |turns: &usize| multiples(axis, *turns).iter().skip(1).all(|r| self.meets_itself(r));
@@ -342,6 +333,15 @@ mod tests {
                 assert!((error(tilt) - angle.min(PI - angle)).abs() < 1e-6, "tilted by {angle}: {}", error(tilt));
             }
         }
+    }
+
+    #[test]
+    fn what_is_not_closed_is_no_group() {
+        let (x, z) = (about(Vector3::x_axis(), FRAC_PI_2), about(Vector3::z_axis(), FRAC_PI_2));
+        let identity = UnitQuaternion::identity();
+        assert_eq!(largest_group(&[identity, z]).len(), 1);
+        assert_eq!(largest_group(&[identity, z, z * z]).len(), 2);
+        assert_eq!(largest_group(&[identity, x, x.inverse(), z, z * z, z.inverse()]).len(), 4);
     }
 
     #[test]
