@@ -1,4 +1,4 @@
-//! The paper's baseline for pose (section IV-C): iterative closest points (Besl & McKay 1992) from the query to the mean of its
+//! The paper's baseline for pose (section IV-B): iterative closest points (Besl & McKay 1992) from the query to the mean of its
 //! class.
 //!
 //! The iteration is that of the crate [`modern_icp`]: closest points by a kd-tree, from every point of the query to the mean
@@ -6,10 +6,15 @@
 //! usual; only the rotation is reported. With rotations about z only, each step is the best motion of that kind, in closed form,
 //! rather than a full one that is projected at the end.
 //!
-//! Looked at before `modern_icp` (MIT, released several times a year, on the nalgebra that is here already, and its steps can be
-//! replaced, which the vertical axis needs): `threecrate-algorithms` (maintained, but a fixed full step, and ndarray, kiddo and
-//! rstar with it), `align3d` (no release since 2023, needs LAPACK), `fast-gicp` (bindings that build a C++ library and PCL),
-//! `simple-icp` (laser odometry on voxel maps), `nd-icp` and `icp_2d` (2-D or unmaintained).
+//! `modern_icp` (MIT) was chosen because it is released several times a year, uses the nalgebra that is here already, and lets
+//! its steps be replaced, which the vertical axis needs. Its kd-tree and steps are used in single precision, the only one it
+//! offers. The others looked at: `threecrate-algorithms` (maintained, but its step is fixed and it brings ndarray, kiddo and
+//! rstar), `align3d` (nalgebra 0.30, needs LAPACK), `fast-gicp` (bindings to a C++ library), `simple-icp` (laser odometry on voxel
+//! maps, nalgebra 0.33), `nd-icp` (brings a
+//! renderer), `icp_2d` (planar).
+//!
+//! Between two voxel lattices closest points are as often behind as ahead, so a single alignment may stall some degrees away from
+//! the best one: several starts help near the truth too.
 
 use super::symmetry::{centre, surface};
 use crate::grid::{Dims, Observation, Occupancy};

@@ -1,4 +1,4 @@
-//! Rotation errors, raw and symmetry-aware (section IV-C of the paper reports the raw ones).
+//! Rotation errors, raw and symmetry-aware (section IV-B of the paper reports the raw ones).
 //!
 //! An object that looks the same after a rotation g gives the same queries when turned by r and by r∘g, so an estimate is
 //! compared with every r∘g. The rule that finds these g, from the complete object alone:
