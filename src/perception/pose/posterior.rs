@@ -1,9 +1,15 @@
 //! The posterior over class and rotation, as weighted samples, and what is published of it: a few hypotheses and a spread.
 
 use crate::grid::Rotation;
+use nalgebra::{Quaternion, Vector4};
 
 /// Most hypotheses of an answer.
 pub const MOST_HYPOTHESES: usize = 8;
+
+/// Samples of a mode within this of its peak, in nats …
+const TOP_DEPTH: f64 = 1.0;
+/// … and this near to it, in radians, are averaged.
+const TOP_RADIUS: f64 = 8.0 / 180.0 * std::f64::consts::PI;
 
 /// How the object may be turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,12 +77,36 @@ pub fn hypotheses(samples: &[Sample], classes: &[f64], radius: f64, out: &mut Ve
             }
         }
         left -= probability;
+        let rotation = middle(&weighted[i..], &peak);
         let place = out.iter().position(|h| h.probability < probability).unwrap_or(out.len());
-        out.insert(place, Hypothesis { rotation: peak.rotation, class: peak.class, probability });
+        out.insert(place, Hypothesis { rotation, class: peak.class, probability });
         out.truncate(MOST_HYPOTHESES);
     }
     let Some(first) = out.first() else { return 0.0 };
     weighted.iter().map(|(weight, sample)| weight * first.rotation.angle_to(&sample.rotation)).sum::<f64>() / total
+}
+
+/// The mean of the samples at the top of a mode, which is flat where a small turn changes no voxel. `from` begins with the
+/// peak, and falls in density. The neighbourhood that is averaged moves with its mean, so that of a flat top it is the centre.
+fn middle(from: &[(f64, Sample)], peak: &Sample) -> Rotation {
+    let nearest = (TOP_RADIUS / 2.0).cos();
+    let top = from.iter().take_while(|(_, s)| s.log_density >= peak.log_density - TOP_DEPTH).filter(|(_, s)| s.class == peak.class);
+    let mut centre = peak.rotation;
+    for _ in 0..5 {
+        let mut sum = Vector4::zeros();
+        for (weight, sample) in top.clone() {
+            let cosine = sample.rotation.coords.dot(&centre.coords);
+            if cosine.abs() >= nearest {
+                sum += sample.rotation.coords * (weight * cosine.signum());
+            }
+        }
+        // A peak without weight of its own stands for itself.
+        if sum.norm() == 0.0 {
+            break;
+        }
+        centre = Rotation::from_quaternion(Quaternion::from(sum));
+    }
+    centre
 }
 
 #[cfg(test)]
