@@ -4,7 +4,7 @@ use super::failure::{Failure, cannot_write};
 use super::progress;
 use super::shapes::{self, MeshArguments, ViewArgument};
 use crate::evaluation::figures::{self, Example};
-use crate::evaluation::{Evaluation, Protocol, evaluate, sample, table};
+use crate::evaluation::{Evaluation, Protocol, evaluate, evaluate_icp, sample, table};
 use crate::model::load;
 use crate::perception::{Method, PaperPose, Perceiver, PoseSearch, Projection, Query};
 use crate::shapes::library::LoadOptions;
@@ -33,6 +33,9 @@ pub struct Eval {
     /// Tell the class, so that only the pose is to be found
     #[arg(long)]
     known_class: bool,
+    /// Align the queries with the mean of their class by ICP too, from one start and from 24: the paper's baseline for pose
+    #[arg(long)]
+    icp: bool,
     /// Methods, separated by commas: auto, hull, evidence, paper, mean
     #[arg(long, value_delimiter = ',', default_value = "auto")]
     method: Vec<Method>,
@@ -54,10 +57,10 @@ pub struct Eval {
     /// Seed of the sample and of the rotations
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Write the outcome as JSON: one object, or a list when several methods are given
+    /// Write the outcome as JSON: one object, or a list when several methods are given; with --icp, {methods, icp}
     #[arg(long, value_name = "OUT")]
     json: Option<PathBuf>,
-    /// Draw completion error, query time, accuracy, reliability and some completions into this folder
+    /// Draw completion error, pose error, query time, accuracy, reliability and some completions into this folder
     #[arg(long, value_name = "DIR")]
     png: Option<PathBuf>,
     #[command(flatten)]
@@ -160,6 +163,9 @@ impl Eval {
             return Err(Failure::Usage("--view none: evaluation needs complete shapes; use --view top".into()));
         };
         let pose = self.pose.search(self.yaw_span)?;
+        if self.icp && pose == PoseSearch::Known {
+            return Err(Failure::Usage("--icp: in known pose there is nothing to align; give --pose yaw or --pose full".into()));
+        }
         if self.limit == Some(0) {
             return Err(Failure::Usage("--limit 0: nothing to answer; use at least 1".into()));
         }
@@ -211,16 +217,26 @@ impl Eval {
             bar.finish_and_clear();
             evaluations.push(evaluation?);
         }
-        say!("{}", table(&evaluations).trim_end());
+        let mut icp = Vec::new();
+        if self.icp {
+            let bar = progress::bar(2 * chosen.len(), "aligning by ICP");
+            icp = evaluate_icp(&perceiver, &chosen, &classes, pose, &protocol, || bar.inc(1));
+            bar.finish_and_clear();
+        }
+        say!("{}", table(&evaluations, &icp).trim_end());
         if let Some(path) = &self.json {
-            let text = match evaluations.as_slice() {
-                [one] => serde_json::to_string_pretty(one)?,
-                several => serde_json::to_string_pretty(several)?,
+            let mut outcome = match evaluations.as_slice() {
+                [one] => serde_json::to_value(one)?,
+                several => serde_json::to_value(several)?,
             };
+            if self.icp {
+                outcome = serde_json::json!({ "methods": outcome, "icp": icp });
+            }
+            let text = serde_json::to_string_pretty(&outcome)?;
             std::fs::write(path, text + "\n").map_err(cannot_write(path))?;
         }
         if let Some(folder) = &self.png {
-            figures::save(folder, &evaluations, &examples)?;
+            figures::save(folder, &evaluations, &icp, &examples)?;
         }
         Ok(())
     }

@@ -1,14 +1,14 @@
-//! Pictures of an evaluation: counterparts of the paper's Figs. 3 and 4, accuracy by class (Table I) and reliability.
+//! Pictures of an evaluation: counterparts of the paper's Figs. 3 to 6, accuracy by class (Table I) and reliability.
 
-use super::Evaluation;
-use super::table::{MODELNET10, PAPER};
+use super::table::{MODELNET10, icp_name, paper_rows};
+use super::{Evaluation, IcpEvaluation};
 use crate::grid::{Observation, Occupancy};
 use crate::perception::Percept;
-use crate::picture::{Chart, Colour, Image, SaveError, draw_completion, draw_observation, draw_shape, sheet};
+use crate::picture::{Chart, Colour, Image, SaveError, draw_completion, draw_observation, draw_poses, draw_shape, sheet};
 use std::path::Path;
 
 /// How many completions are shown.
-pub const EXAMPLES: usize = 8;
+pub const EXAMPLES: usize = 10;
 /// Bins of the confidence, as for the expected calibration error.
 const BINS: usize = 15;
 /// Queries below which a bin is not drawn: one or two say nothing of a share.
@@ -31,7 +31,13 @@ impl Example {
         let verdict = if percept.class == truth { "" } else { ", wrong" };
         Self {
             truth: (draw_shape(object, SIDE, Colour::SERIES[2]), format!("truth: {}", name(truth))),
-            query: (draw_observation(observation, SIDE), "query".into()),
+            query: match percept.spread {
+                0.0 => (draw_observation(observation, SIDE), "query".into()),
+                spread => (
+                    draw_poses(observation, percept.hypotheses.iter().map(|h| (h.rotation, h.probability)), SIDE),
+                    format!("± {:.0}°", spread.to_degrees()),
+                ),
+            },
             completion: (
                 draw_completion(observation, &percept.occupancy, SIDE),
                 format!("{} {:.0} %{verdict}", name(percept.class), 100.0 * p),
@@ -58,6 +64,26 @@ pub fn query_time(evaluations: &[Evaluation]) -> Image {
     Chart { y_log: true, ..chart }.strips(&strips)
 }
 
+/// Rotation error by method, one point per query, the mean as a bar, raw and symmetry-aware: the counterpart of Figs. 5 and 6.
+pub fn pose_error(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> Image {
+    let of_methods =
+        evaluations.iter().map(|e| (e.method.to_string(), e.per_query.iter().filter_map(|q| q.pose_error).collect::<Vec<_>>()));
+    let all = of_methods.chain(icp.iter().map(|e| (icp_name(e), e.per_query.clone())));
+    let mut strips = Vec::new();
+    for (name, errors) in all {
+        for (kind, values) in [
+            ("", errors.iter().map(|e| e.raw_deg).collect::<Vec<f64>>()),
+            (" by symmetry", errors.iter().map(|e| e.symmetry_aware_deg).collect()),
+        ] {
+            let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+            strips.push((format!("{name}{kind}: {mean:.1}°"), values));
+        }
+    }
+    let queries = evaluations.first().map_or(0, |e| e.queries);
+    let chart = Chart::new(&format!("Pose error, {queries} queries"), "method (bar: mean)", "angle to the true rotation, degrees");
+    Chart { width: 240 + 190 * strips.len().max(2), ..chart }.strips(&strips)
+}
+
 fn strip(evaluation: &Evaluation, values: &[f64], unit: &str) -> (String, Vec<f64>) {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     (format!("{}: {mean:.2}{unit}", evaluation.method), values.to_vec())
@@ -79,8 +105,9 @@ pub fn accuracy(evaluations: &[Evaluation]) -> Image {
     };
     let mut series: Vec<(String, Vec<f64>)> = evaluations.iter().map(|e| (e.method.to_string(), values(e))).collect();
     if categories.iter().map(String::as_str).eq(MODELNET10) {
-        let (name, percent) = PAPER[0];
-        series.push((name.to_owned(), percent.iter().map(|p| p / 100.0).collect()));
+        series.extend(
+            paper_rows(first.pose).iter().take(1).map(|(name, percent)| ((*name).to_owned(), percent.iter().map(|p| p / 100.0).collect())),
+        );
     }
     categories.push("all".to_owned());
     let title = format!("Accuracy by class, {} queries", first.queries);
@@ -122,17 +149,22 @@ pub fn reliability(evaluations: &[Evaluation]) -> Image {
 /// Truth, query and completion in three rows, one query per column: the counterpart of Fig. 4.
 pub fn completions(examples: &[Example], method: &str) -> Image {
     let row = |part: fn(&Example) -> &(Image, String)| examples.iter().map(|e| part(e).clone()).collect();
-    let title = format!("Completions ({method}): truth, query (blue seen, grey unknown), answer (orange predicted)");
+    let title = format!(
+        "Completions ({method}): truth, query (blue seen, grey unknown; arrows: fronts of the hypotheses), answer (orange predicted)"
+    );
     sheet(&[row(|e| &e.truth), row(|e| &e.query), row(|e| &e.completion)], &title)
 }
 
 /// Draws everything into an existing folder. `examples` are answers of the first evaluation's method.
-pub fn save(folder: &Path, evaluations: &[Evaluation], examples: &[Example]) -> Result<(), SaveError> {
+pub fn save(folder: &Path, evaluations: &[Evaluation], icp: &[IcpEvaluation], examples: &[Example]) -> Result<(), SaveError> {
     let method = evaluations.first().map_or("", |e| e.method.name());
     completion_error(evaluations).save(&folder.join("completion_error.png"))?;
     query_time(evaluations).save(&folder.join("query_time.png"))?;
     accuracy(evaluations).save(&folder.join("accuracy.png"))?;
     reliability(evaluations).save(&folder.join("reliability.png"))?;
+    if evaluations.iter().any(|e| e.pose_error_deg.is_some()) {
+        pose_error(evaluations, icp).save(&folder.join("pose_error.png"))?;
+    }
     completions(examples, method).save(&folder.join("completions.png"))
 }
 
@@ -153,8 +185,7 @@ mod tests {
             truth: ["a", "b"][*truth].into(),
             class: "a".into(),
             posterior: BTreeMap::from([("a".into(), *p), ("b".into(), 1.0 - p)]),
-            pose_error_deg: None,
-            symmetry_aware_error_deg: None,
+            pose_error: None,
         });
         let calibration: CalibrationFigures = metrics::calibration(&posteriors, &truths);
         Evaluation {
@@ -194,8 +225,8 @@ mod tests {
     #[test]
     fn an_evaluation_without_queries_still_draws() {
         let folder = tempfile::tempdir().unwrap();
-        save(folder.path(), &[evaluation(&[])], &[]).unwrap();
-        save(folder.path(), &[], &[]).unwrap();
+        save(folder.path(), &[evaluation(&[])], &[], &[]).unwrap();
+        save(folder.path(), &[], &[], &[]).unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5);
     }
 }

@@ -32,6 +32,56 @@ pub fn calibration(posteriors: &[Vec<f64>], truth: &[usize]) -> CalibrationFigur
     CalibrationFigures { ece, brier: brier / n, log_loss: log_loss / n }
 }
 
+/// How far one estimate of a rotation is from the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PoseErrors {
+    /// Angle between estimate and truth, degrees.
+    pub raw_deg: f64,
+    /// The same to the nearest rotation that looks like the truth (see `symmetry`), degrees.
+    pub symmetry_aware_deg: f64,
+}
+
+/// Rotation errors over all queries in degrees, those of wrong class included.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PoseFigures {
+    /// Median.
+    pub median: f64,
+    /// Mean.
+    pub mean: f64,
+    /// 90th percentile.
+    pub p90: f64,
+    /// Median where rotations that leave the object as it is count as equal.
+    pub symmetry_aware_median: f64,
+}
+
+/// Percentiles of the time of one query in milliseconds: one at a time, reading excluded, completion included.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Milliseconds {
+    /// Median.
+    pub p50: f64,
+    /// 90th percentile.
+    pub p90: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// Summary of rotation errors.
+pub fn pose_figures(errors: &[PoseErrors]) -> PoseFigures {
+    let raw: Vec<f64> = errors.iter().map(|e| e.raw_deg).collect();
+    let aware: Vec<f64> = errors.iter().map(|e| e.symmetry_aware_deg).collect();
+    PoseFigures {
+        median: percentile(&raw, 50.0),
+        mean: raw.iter().sum::<f64>() / raw.len().max(1) as f64,
+        p90: percentile(&raw, 90.0),
+        symmetry_aware_median: percentile(&aware, 50.0),
+    }
+}
+
+/// Summary of times in milliseconds.
+pub fn milliseconds(times: &[f64]) -> Milliseconds {
+    Milliseconds { p50: percentile(times, 50.0), p90: percentile(times, 90.0), p99: percentile(times, 99.0) }
+}
+
 /// Percentile of values by linear interpolation (`numpy.percentile`); 0 without values.
 pub fn percentile(values: &[f64], percent: f64) -> f64 {
     let mut sorted = values.to_vec();

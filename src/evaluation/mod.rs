@@ -1,5 +1,6 @@
-//! The paper's evaluation: protocol, figures of merit, tables and plots.
+//! The paper's evaluation: protocol, figures of merit, baselines, tables and plots.
 
+pub mod baseline;
 pub mod figures;
 pub mod icp;
 pub mod metrics;
@@ -7,5 +8,6 @@ pub mod protocol;
 pub mod symmetry;
 mod table;
 
+pub use baseline::{IcpEvaluation, evaluate_icp};
 pub use protocol::{Evaluation, Protocol, evaluate, sample};
 pub use table::table;

@@ -1,6 +1,8 @@
 //! The paper's protocol, section IV: one query per object, seen from one view, in known or unknown pose.
 
 use super::metrics::{self, CalibrationFigures, iou};
+pub use super::metrics::{Milliseconds, PoseErrors, PoseFigures};
+use super::symmetry::{Symmetries, rotation_error};
 use crate::grid::{Observation, Occupancy, Rotation, Turn, View, yaw};
 use crate::perception::{Method, PerceiveError, Perceiver, Percept, PoseSearch, Query};
 use crate::shapes::library::{Shape, Shapes};
@@ -24,23 +26,8 @@ pub struct Prediction {
     pub class: String,
     /// Posterior of every class.
     pub posterior: BTreeMap<String, f64>,
-    /// Angle between the true rotation and the answered one, degrees; null in known pose.
-    pub pose_error_deg: Option<f64>,
-    /// The same, rotations that leave the object as it is counting as equal.
-    pub symmetry_aware_error_deg: Option<f64>,
-}
-
-/// Rotation errors over all queries in degrees, those of wrong class included.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct PoseFigures {
-    /// Median.
-    pub median: f64,
-    /// Mean.
-    pub mean: f64,
-    /// 90th percentile.
-    pub p90: f64,
-    /// Median where rotations that leave the object as it is count as equal.
-    pub symmetry_aware_median: f64,
+    /// Angles between the true rotation and the answered one; null in known pose.
+    pub pose_error: Option<PoseErrors>,
 }
 
 /// How queries are made.
@@ -95,17 +82,6 @@ pub struct CompletionFigures {
     pub l2: f64,
 }
 
-/// Percentiles of the time of one query in milliseconds: one at a time, reading excluded, completion included.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Milliseconds {
-    /// Median.
-    pub p50: f64,
-    /// 90th percentile.
-    pub p90: f64,
-    /// 99th percentile.
-    pub p99: f64,
-}
-
 /// The outcome of one method on all queries.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
@@ -147,8 +123,8 @@ pub struct QueryFigures {
     pub l2: f64,
     /// Milliseconds.
     pub ms: f64,
-    /// Rotation error in degrees.
-    pub pose_error_deg: Option<f64>,
+    /// Rotation errors, in unknown pose.
+    pub pose_error: Option<PoseErrors>,
 }
 
 /// A seeded sample of `limit` shapes with classes in proportion, in path order.
@@ -170,6 +146,41 @@ pub fn sample(shapes: &Shapes, limit: Option<usize>, seed: u64) -> Vec<&Shape> {
     chosen.into_iter().map(|i| all[i]).collect()
 }
 
+/// A shape as it is asked about.
+pub struct Posed {
+    /// The true rotation.
+    pub rotation: Rotation,
+    /// The turned object.
+    pub object: Occupancy,
+    /// What is seen of it.
+    pub observation: Observation,
+}
+
+impl Posed {
+    /// The query of the shape at `place` among all.
+    pub fn new(shape: &Shape, pose: PoseSearch, protocol: &Protocol, place: usize) -> Self {
+        let rotation = draw_rotation(pose, protocol.seed, place);
+        let object = match pose {
+            PoseSearch::Known => shape.object.clone(),
+            _ => Turn::new(shape.object.dims(), &rotation).occupancy(&shape.object),
+        };
+        let observation = protocol.view.of(&object);
+        Self { rotation, object, observation }
+    }
+
+    /// How far an estimate is from the truth, raw and by the symmetries of the shape.
+    pub fn errors(&self, shape: &Shape, pose: PoseSearch, estimate: &Rotation) -> PoseErrors {
+        let symmetries = match pose {
+            PoseSearch::Full => Symmetries::full(&shape.object),
+            _ => Symmetries::yaw(&shape.object),
+        };
+        PoseErrors {
+            raw_deg: rotation_error(estimate, &self.rotation).to_degrees(),
+            symmetry_aware_deg: symmetries.error(estimate, &self.rotation).to_degrees(),
+        }
+    }
+}
+
 /// Answers all `shapes` with one method. `classes` maps a shape's class to the model's. `seen` is called after each query with
 /// the object as it stood, its class, the observation and the percept.
 pub fn evaluate(
@@ -185,7 +196,7 @@ pub fn evaluate(
     let mut work = perceiver.workspace();
     let mut percept = Percept::default();
     let (mut posteriors, mut truths, mut times) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut predictions, mut per_query) = (Vec::new(), Vec::new());
+    let (mut predictions, mut per_query, mut pose_errors) = (Vec::new(), Vec::new(), Vec::new());
     let mut sums = CompletionFigures::default();
     let mut query = Query { view: Some(protocol.view), completion: true, ..query.clone() };
     let prior = query.log_prior.clone();
@@ -197,12 +208,8 @@ pub fn evaluate(
     }
     for (place, shape) in shapes.iter().enumerate() {
         let truth = classes[shape.class];
-        let rotation = draw_rotation(query.pose, protocol.seed, place);
-        let object = match query.pose {
-            PoseSearch::Known => shape.object.clone(),
-            _ => Turn::new(dims, &rotation).occupancy(&shape.object),
-        };
-        let observation = protocol.view.of(&object);
+        let posed = Posed::new(shape, query.pose, protocol, place);
+        let Posed { object, observation, .. } = &posed;
         if protocol.known_class {
             query.log_prior.clear();
             query.log_prior.extend((0..names.len()).map(|s| if s == truth { 0.0 } else { f64::NEG_INFINITY }));
@@ -210,7 +217,7 @@ pub fn evaluate(
             query.log_prior.clone_from(&prior);
         }
         let start = Instant::now();
-        perceiver.classify(&observation, &query, &mut work, &mut percept)?;
+        perceiver.classify(observation, &query, &mut work, &mut percept)?;
         perceiver.complete(&query, &mut work, &mut percept)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         let mut mean: Vec<f32> = (0..dims.voxels()).map(|v| perceiver.class_mean(percept.class, v)).collect();
@@ -218,26 +225,26 @@ pub fn evaluate(
             let upright = mean.clone();
             Turn::new(dims, &percept.rotation).values(&upright, 0.0, &mut mean);
         }
-        let figures = completion_figures(&object, &observation, &percept, |v| mean[v]);
+        let figures = completion_figures(object, observation, &percept, |v| mean[v]);
         sums.iou_unknown += figures.iou_unknown;
         sums.iou_all += figures.iou_all;
         sums.iou_unknown_mean_baseline += figures.iou_unknown_mean_baseline;
         sums.iou_all_mean_baseline += figures.iou_all_mean_baseline;
         sums.l2 += figures.l2;
-        let error = (query.pose != PoseSearch::Known).then(|| percept.rotation.angle_to(&rotation).to_degrees());
-        per_query.push(QueryFigures { truth, right: percept.class == truth, l2: figures.l2, ms, pose_error_deg: error });
+        let pose_error = (query.pose != PoseSearch::Known).then(|| posed.errors(shape, query.pose, &percept.rotation));
+        pose_errors.extend(pose_error);
+        per_query.push(QueryFigures { truth, right: percept.class == truth, l2: figures.l2, ms, pose_error });
         predictions.push(Prediction {
             file: shape.file.clone(),
             truth: names[truth].clone(),
             class: names[percept.class].clone(),
             posterior: names.iter().cloned().zip(percept.posterior.iter().copied()).collect(),
-            pose_error_deg: error,
-            symmetry_aware_error_deg: error,
+            pose_error,
         });
         posteriors.push(percept.posterior.clone());
         truths.push(truth);
         times.push(ms);
-        seen(&object, truth, &observation, &percept);
+        seen(object, truth, observation, &percept);
     }
     let n = shapes.len().max(1) as f64;
     let mut per_class = BTreeMap::new();
@@ -266,29 +273,11 @@ pub fn evaluate(
             iou_all_mean_baseline: sums.iou_all_mean_baseline / n,
             l2: sums.l2 / n,
         },
-        pose_error_deg: pose_figures(&predictions),
+        pose_error_deg: (!pose_errors.is_empty()).then(|| metrics::pose_figures(&pose_errors)),
         calibration: metrics::calibration(&posteriors, &truths),
-        query_ms: Milliseconds {
-            p50: metrics::percentile(&times, 50.0),
-            p90: metrics::percentile(&times, 90.0),
-            p99: metrics::percentile(&times, 99.0),
-        },
+        query_ms: metrics::milliseconds(&times),
         predictions,
         per_query,
-    })
-}
-
-fn pose_figures(predictions: &[Prediction]) -> Option<PoseFigures> {
-    let raw: Vec<f64> = predictions.iter().filter_map(|p| p.pose_error_deg).collect();
-    let aware: Vec<f64> = predictions.iter().filter_map(|p| p.symmetry_aware_error_deg).collect();
-    if raw.is_empty() {
-        return None;
-    }
-    Some(PoseFigures {
-        median: metrics::percentile(&raw, 50.0),
-        mean: raw.iter().sum::<f64>() / raw.len() as f64,
-        p90: metrics::percentile(&raw, 90.0),
-        symmetry_aware_median: metrics::percentile(&aware, 50.0),
     })
 }
 

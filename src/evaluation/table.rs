@@ -1,6 +1,7 @@
-//! Table I's layout: accuracy by class, methods side by side, beside the paper's rows.
+//! Table I's layout: accuracy by class, methods side by side, beside the paper's rows; and the pose errors of Fig. 5.
 
-use super::Evaluation;
+use super::metrics::PoseFigures;
+use super::{Evaluation, IcpEvaluation};
 use std::fmt::Write;
 
 /// The paper's Table I, known pose, in percent: BEO, its baseline and 3DShapeNets, classes in alphabetical order, then total.
@@ -9,12 +10,16 @@ pub(super) const PAPER: [(&str, [f64; 11]); 3] = [
     ("paper: baseline", [70.0, 94.0, 0.0, 17.4, 67.4, 78.0, 75.6, 88.0, 0.0, 82.0, 56.7]),
     ("paper: 3DShapeNets", [76.0, 77.0, 38.0, 22.1, 90.7, 74.0, 38.4, 57.0, 1.0, 79.0, 54.4]),
 ];
+/// The bottom of Table I: rotation about z unknown, in \[0°, 180°).
+pub(super) const PAPER_UNKNOWN_POSE: [(&str, [f64; 11]); 1] =
+    [("paper: BEO", [4.0, 64.0, 83.0, 16.3, 51.2, 86.0, 36.0, 49.0, 76.0, 46.0, 54.5])];
 /// ModelNet10's classes, in the order of the rows of [`PAPER`].
 pub(super) const MODELNET10: [&str; 10] =
     ["bathtub", "bed", "chair", "desk", "dresser", "monitor", "night_stand", "sofa", "table", "toilet"];
 
 /// Accuracies in percent by class and in total, one row per evaluation; with ModelNet10's classes also the paper's rows.
-pub fn table(evaluations: &[Evaluation]) -> String {
+/// In unknown pose rotation errors follow, with those of ICP where it was measured.
+pub fn table(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> String {
     let Some(first) = evaluations.first() else { return String::new() };
     let classes: Vec<&String> = first.per_class.keys().collect();
     let width = |class: &str| class.len().max(6);
@@ -32,7 +37,7 @@ pub fn table(evaluations: &[Evaluation]) -> String {
         let _ = writeln!(text, " {:>6.1}", 100.0 * evaluation.accuracy);
     }
     if classes.iter().map(|c| c.as_str()).eq(MODELNET10) {
-        for (name, values) in PAPER {
+        for (name, values) in paper_rows(first.pose) {
             let _ = write!(text, "{name:<19}");
             for (class, value) in classes.iter().zip(values) {
                 let _ = write!(text, " {value:>width$.1}", width = width(class));
@@ -78,13 +83,33 @@ pub fn table(evaluations: &[Evaluation]) -> String {
             e.query_ms.p99
         );
     }
-    if first.pose_error_deg.is_some() {
-        text.push('\n');
-        let _ = writeln!(text, "{:<22} {:>7} {:>7} {:>7} {:>22}", "pose error (degrees)", "median", "mean", "p90", "symmetry-aware median");
-        for (name, pose) in evaluations.iter().filter_map(|e| Some((e.method.name(), e.pose_error_deg?))) {
-            let _ =
-                writeln!(text, "{name:<22} {:>7.2} {:>7.2} {:>7.2} {:>22.2}", pose.median, pose.mean, pose.p90, pose.symmetry_aware_median);
+    let of_methods = evaluations.iter().filter_map(|e| Some((e.method.name().to_owned(), e.pose_error_deg?, e.query_ms.p50)));
+    let of_icp = icp.iter().map(|e| (icp_name(e), e.pose_error_deg, e.query_ms.p50));
+    let rows: Vec<(String, PoseFigures, f64)> = of_methods.chain(of_icp).collect();
+    if !rows.is_empty() {
+        let _ = writeln!(
+            text,
+            "\n{:<22} {:>7} {:>7} {:>7} {:>22} {:>8}",
+            "pose error (degrees)", "median", "mean", "p90", "symmetry-aware median", "p50 ms"
+        );
+        for (name, pose, ms) in rows {
+            let PoseFigures { median, mean, p90, symmetry_aware_median } = pose;
+            let _ = writeln!(text, "{name:<22} {median:>7.2} {mean:>7.2} {p90:>7.2} {symmetry_aware_median:>22.2} {ms:>8.2}");
         }
     }
     text
+}
+
+/// The paper's rows that an evaluation can be compared with.
+pub(super) fn paper_rows(pose: &str) -> &'static [(&'static str, [f64; 11])] {
+    match pose {
+        "known" => &PAPER,
+        "yaw" => &PAPER_UNKNOWN_POSE,
+        _ => &[],
+    }
+}
+
+/// ICP's name in tables and plots.
+pub(super) fn icp_name(icp: &IcpEvaluation) -> String {
+    if icp.starts == 1 { "ICP, 1 start".into() } else { format!("ICP, {} starts", icp.starts) }
 }

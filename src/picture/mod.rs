@@ -7,5 +7,5 @@ mod voxels;
 
 pub use canvas::{Anchor, Colour, Image, SaveError, TextSize, sheet};
 pub use plot::{Chart, WeightedSeries};
-pub use scenes::{draw_completion, draw_observation, draw_probability, draw_shape, draw_weights};
+pub use scenes::{draw_completion, draw_observation, draw_poses, draw_probability, draw_shape, draw_weights};
 pub use voxels::draw_voxels;

@@ -1,10 +1,15 @@
 //! What the program draws of voxels: shapes, queries, completions, means and modes.
 
+use super::voxels::{Arrow, draw_voxels_and_arrows};
 use super::{Colour, Image, draw_voxels};
-use crate::grid::{Dims, Observation, Occupancy};
+use crate::grid::{Dims, Observation, Occupancy, Rotation};
+use nalgebra::Vector3;
 
 /// Predictions below this probability are not drawn.
 const FAINTEST: f32 = 0.25;
+
+/// Rotations less probable are not drawn.
+const LEAST_DRAWN: f64 = 0.02;
 
 /// A complete shape in one colour, `side` pixels wide and high.
 pub fn draw_shape(object: &Occupancy, side: usize, colour: Colour) -> Image {
@@ -13,11 +18,37 @@ pub fn draw_shape(object: &Occupancy, side: usize, colour: Colour) -> Image {
 
 /// A query: what is known to be filled in colour, the unknown as a faint region.
 pub fn draw_observation(observation: &Observation, side: usize) -> Image {
-    draw_voxels(observation.dims(), side, side, |v| match (observation.known().contains(v), observation.filled().contains(v)) {
+    draw_voxels(observation.dims(), side, side, |v| seen(observation, v))
+}
+
+fn seen(observation: &Observation, voxel: usize) -> Option<Colour> {
+    match (observation.known().contains(voxel), observation.filled().contains(voxel)) {
         (_, true) => Some(Colour::KNOWN),
         (false, false) => Some(Colour::UNKNOWN),
         (true, false) => None,
-    })
+    }
+}
+
+/// A query with how it may be turned: for each rotation (object to grid, with its probability) an arrow where the object's
+/// front points, −y of the training shapes, and a thinner one where its top points unless that is up. The more probable, the
+/// thicker.
+pub fn draw_poses(observation: &Observation, poses: impl IntoIterator<Item = (Rotation, f64)>, side: usize) -> Image {
+    let dims = observation.dims();
+    let reach = 0.5 * dims.x().max(dims.y()).max(dims.z()) as f64;
+    let mut poses: Vec<(Rotation, f64)> = poses.into_iter().filter(|(_, p)| *p >= LEAST_DRAWN).collect();
+    poses.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let unit = side as f64 / 200.0;
+    let mut arrows = Vec::new();
+    for (rotation, p) in &poses {
+        let tip = |axis: Vector3<f64>| <[f64; 3]>::from(reach * (rotation * axis));
+        let width = |most: f64| ((0.35 + 0.65 * p) * most * unit).round().max(1.0) as u32;
+        let up = rotation * Vector3::z();
+        if up.z < 0.999 {
+            arrows.push(Arrow { tip: tip(Vector3::z()), colour: Colour::SERIES[2], width: width(2.5) });
+        }
+        arrows.push(Arrow { tip: tip(-Vector3::y()), colour: Colour::PREDICTED, width: width(5.0) });
+    }
+    draw_voxels_and_arrows(dims, side, side, |v| seen(observation, v), &arrows)
 }
 
 /// A completion: what was seen in one colour, what is predicted in another, the more solid the more probable;

@@ -20,6 +20,28 @@ const TILT: f64 = 0.5;
 /// Draws the voxels that `colour` gives a colour, by index, fitted into a picture of `width` × `height` pixels. Translucent
 /// voxels let through what is behind them; of a translucent body only its outer faces are drawn.
 pub fn draw_voxels(dims: Dims, width: usize, height: usize, colour: impl Fn(usize) -> Option<Colour>) -> Image {
+    draw_voxels_and_arrows(dims, width, height, colour, &[])
+}
+
+/// An arrow from the grid's centre.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrow {
+    /// Its tip from the centre, in voxels along the grid's axes.
+    pub tip: [f64; 3],
+    /// Its colour.
+    pub colour: Colour,
+    /// Its width in pixels.
+    pub width: u32,
+}
+
+/// The same, with arrows over it, the last on top.
+pub fn draw_voxels_and_arrows(
+    dims: Dims,
+    width: usize,
+    height: usize,
+    colour: impl Fn(usize) -> Option<Colour>,
+    arrows: &[Arrow],
+) -> Image {
     let colours: Vec<Option<Colour>> = (0..dims.voxels()).map(|v| colour(v).filter(|c| c.opacity > 0.0)).collect();
     let mut view = Projection::fit(dims, width * SAMPLES, height * SAMPLES);
     view.zoom(dims, (0..dims.voxels()).filter(|v| colours[*v].is_some()));
@@ -44,7 +66,29 @@ pub fn draw_voxels(dims: Dims, width: usize, height: usize, colour: impl Fn(usiz
             }
         }
     }
-    layer.finish(width, height, view.edge_width())
+    let mut image = layer.finish(width, height, view.edge_width());
+    let middle = <[usize; 3]>::from(dims).map(|n| n as f64 / 2.0);
+    let pixel = |at: [f64; 3]| {
+        let (x, y) = view.point(at[0], at[1], at[2]);
+        (x / SAMPLES as f64, y / SAMPLES as f64)
+    };
+    for arrow in arrows {
+        let from = pixel(middle);
+        let to = pixel([0, 1, 2].map(|a| middle[a] + arrow.tip[a]));
+        let round = |(x, y): (f64, f64)| (x.round() as i32, y.round() as i32);
+        image.line(round(from), round(to), arrow.width, arrow.colour);
+        // Two barbs, back from the tip and to its sides.
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        let length = dx.hypot(dy);
+        if length > 1.0 {
+            let barb = 0.12 * height as f64 / length;
+            for side in [-0.5, 0.5] {
+                let end = (to.0 - barb * (dx - side * dy), to.1 - barb * (dy + side * dx));
+                image.line(round(to), round(end), arrow.width, arrow.colour);
+            }
+        }
+    }
+    image
 }
 
 fn voxel_id(dims: Dims, [i, j, k]: [usize; 3]) -> u32 {
