@@ -2,7 +2,7 @@
 
 use embedded_graphics::draw_target::DrawTarget;
 use embedded_graphics::geometry::{OriginDimensions, Point, Size};
-use embedded_graphics::mono_font::{MonoFont, MonoTextStyle, ascii};
+use embedded_graphics::mono_font::{MonoFont, MonoTextStyle, iso_8859_1};
 use embedded_graphics::pixelcolor::{Rgb888, RgbColor};
 use embedded_graphics::primitives::{Circle, Line, PointsIter, Primitive, PrimitiveStyle, Rectangle};
 use embedded_graphics::text::{Alignment, Baseline, Text, TextStyleBuilder};
@@ -93,9 +93,9 @@ pub enum TextSize {
 impl TextSize {
     fn font(self) -> &'static MonoFont<'static> {
         match self {
-            Self::Small => &ascii::FONT_7X13,
-            Self::Medium => &ascii::FONT_8X13,
-            Self::Large => &ascii::FONT_9X18_BOLD,
+            Self::Small => &iso_8859_1::FONT_7X13,
+            Self::Medium => &iso_8859_1::FONT_8X13,
+            Self::Large => &iso_8859_1::FONT_9X18_BOLD,
         }
     }
 
@@ -252,14 +252,13 @@ impl Image {
     }
 }
 
-/// The fonts are ASCII: what they lack is replaced.
+/// The fonts are ISO 8859-1: what they lack is replaced.
 fn plain(text: &str) -> String {
     text.chars()
         .map(|c| match c {
-            ' '..='~' => c,
-            '×' => 'x',
+            ' '..='~' | '\u{a0}'..='ÿ' => c,
             '–' | '—' | '−' => '-',
-            'µ' | 'μ' => 'u',
+            'μ' => 'µ',
             _ => '?',
         })
         .collect()
