@@ -1,8 +1,11 @@
 //! `beo demo`: daemon, producer and watcher as separate processes on made-up furniture.
 
+use super::eval::PoseArgument;
 use super::failure::{Failure, cannot_write};
-use crate::grid::Dims;
+use crate::evaluation::protocol::draw_rotation;
+use crate::grid::{Dims, Turn};
 use crate::model::load;
+use crate::perception::PoseSearch;
 use crate::shapes::{furniture, write_binvox};
 use clap::Args;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -20,6 +23,9 @@ pub struct Demo {
     /// Folder for the pictures of query and completion
     #[arg(long, default_value = "demo", value_name = "DIR")]
     png: PathBuf,
+    /// Turn the furniture, about the vertical axis or in any way, and have its pose found
+    #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
+    pose: PoseArgument,
     /// Seed of the furniture
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -45,7 +51,8 @@ impl Demo {
         drop(model);
         std::fs::create_dir_all(&self.png).map_err(cannot_write(&self.png))?;
         let instance = format!("demo-{}", std::process::id());
-        let files = make_furniture(&self.png, dims, self.seed)?;
+        let pose = self.pose.search(360.0)?;
+        let files = make_furniture(&self.png, dims, self.seed, pose)?;
         let count = files.len().to_string();
 
         say!("1. the daemon: beo serve --model {} --instance {instance}", self.model.display());
@@ -59,7 +66,7 @@ impl Demo {
         let mut watcher = Process::start(WATCHER, &["watch", "--instance", &instance, "--count", &count, "--json", "--png"], &[&self.png])?;
         watcher.wait_until_watching()?;
         say!("3. the camera: beo observe {} pieces of made-up furniture, seen from above\n", files.len());
-        let arguments = ["observe", "--instance", &instance, "--rate", "10"];
+        let arguments = ["observe", "--instance", &instance, "--rate", "10", "--pose", pose.name()];
         let mut camera = Process::start("beo observe", &arguments, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
 
         let mut right = 0;
@@ -71,9 +78,12 @@ impl Demo {
             let made = furniture::CLASSES[(line["sequence"].as_u64().unwrap_or(1) as usize - 1) % files.len()];
             let class = line["class"].as_str().unwrap_or("refused");
             right += usize::from(class == made);
+            let spread = line["rotation_spread_rad"].as_f64().unwrap_or(0.0).to_degrees();
+            let known = pose == PoseSearch::Known;
             say!(
-                "   made-up {made:<12} → {class:<12} {:>5.1} %   {:>5} voxels after completion   {:>6.2} ms",
+                "   made-up {made:<12} → {class:<12} {:>5.1} %   {}{:>5} voxels after completion   {:>6.2} ms",
                 100.0 * line["posterior"][class].as_f64().unwrap_or(0.0),
+                if known { String::new() } else { format!("pose ± {spread:>3.0}°   ") },
                 line["completion"]["filled"],
                 line["latency_us"].as_f64().unwrap_or(0.0) / 1e3
             );
@@ -90,15 +100,17 @@ impl Demo {
     }
 }
 
-/// One piece of each class, as files that the producer reads.
-fn make_furniture(folder: &Path, dims: Dims, seed: u64) -> Result<Vec<PathBuf>, Failure> {
+/// One piece of each class, as files that the producer reads; turned, where the pose is to be found.
+fn make_furniture(folder: &Path, dims: Dims, seed: u64, pose: PoseSearch) -> Result<Vec<PathBuf>, Failure> {
     let folder = folder.join("furniture");
     std::fs::create_dir_all(&folder).map_err(cannot_write(&folder))?;
     furniture::CLASSES
         .iter()
-        .map(|class| {
+        .enumerate()
+        .map(|(place, class)| {
             let path = folder.join(format!("{class}.binvox"));
-            let shape = furniture::make(class, dims, seed).expect("its own class");
+            let upright = furniture::make(class, dims, seed).expect("its own class");
+            let shape = Turn::new(dims, &draw_rotation(pose, seed, place)).occupancy(&upright);
             let mut bytes = Vec::new();
             write_binvox(&mut bytes, &shape)?;
             std::fs::File::create(&path).and_then(|mut file| file.write_all(&bytes)).map_err(cannot_write(&path))?;

@@ -5,7 +5,7 @@ use super::observe::{first_status, seconds};
 use super::perceive::describe_pose;
 use super::stop;
 use crate::grid::{Dims, Observation, Rotation};
-use crate::picture::{draw_completion, draw_observation, sheet};
+use crate::picture::{draw_completion, draw_observation, draw_poses, sheet};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::from_field;
 use beo_ipc::{Completion, Hypothesis, InstanceName, Percept, PerceptStatus, Status, Subscriber, SubscriberOptions, tasks};
@@ -122,6 +122,12 @@ fn classes(percept: &Percept) -> usize {
     (percept.class_count as usize).min(percept.posterior.len())
 }
 
+/// A hypothesis' rotation and probability.
+fn posed(h: &Hypothesis) -> (Rotation, f64) {
+    let [x, y, z, w] = h.rotation_object_to_grid.map(f64::from);
+    (Rotation::from_quaternion(Quaternion::new(w, x, y, z)), f64::from(h.probability))
+}
+
 fn hypotheses(percept: &Percept) -> &[Hypothesis] {
     &percept.hypotheses[..(percept.hypothesis_count as usize).min(percept.hypotheses.len())]
 }
@@ -155,12 +161,9 @@ fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Status, 
     let completed = completion.as_ref().map_or("no completion".into(), |c| format!("{} voxels filled", filled(c)));
     let (name, p) = ranked.first().copied().unwrap_or(("?", 0.0));
     // The pose that goes with the class: most of the time the first hypothesis.
-    let pose = hypotheses(percept).iter().find(|h| h.class_index == percept.class_index).map(|h| {
-        let [x, y, z, w] = h.rotation_object_to_grid.map(f64::from);
-        Rotation::from_quaternion(Quaternion::new(w, x, y, z))
-    });
+    let pose = hypotheses(percept).iter().find(|h| h.class_index == percept.class_index).map(posed);
     let pose = match pose {
-        Some(rotation) if rotation != Rotation::identity() || percept.rotation_spread_rad > 0.0 => {
+        Some((rotation, _)) if rotation != Rotation::identity() || percept.rotation_spread_rad > 0.0 => {
             format!(", {}", describe_pose(&rotation, f64::from(percept.rotation_spread_rad)))
         }
         _ => String::new(),
@@ -175,6 +178,8 @@ struct Drawing {
     dims: Dims,
     occupancy: Vec<u8>,
     deviation: Vec<u8>,
+    /// Hypotheses, where the pose was searched.
+    poses: Vec<(Rotation, f64)>,
 }
 
 impl Drawing {
@@ -188,6 +193,7 @@ impl Drawing {
             dims: Dims::new(x, y, z)?,
             occupancy: completion.occupancy().to_vec(),
             deviation: completion.deviation().to_vec(),
+            poses: if percept.rotation_spread_rad > 0.0 { hypotheses(percept).iter().map(posed).collect() } else { Vec::new() },
         })
     }
 
@@ -201,7 +207,10 @@ impl Drawing {
         }
         let occupancy: Vec<f32> = self.occupancy.iter().map(|byte| f32::from(*byte) / 255.0).collect();
         let row = vec![
-            (draw_observation(&observation, 360), "query: seen and hidden".to_string()),
+            match self.poses.is_empty() {
+                true => (draw_observation(&observation, 360), "query: seen and hidden".to_string()),
+                false => (draw_poses(&observation, self.poses, 360), "query, and where its front may be".to_string()),
+            },
             (draw_completion(&observation, &occupancy, 360), "completion".to_string()),
         ];
         sheet(&[row], &self.title).save(&self.path).map_err(|error| Failure::Failed(error.to_string()))

@@ -15,6 +15,7 @@ evidence  log N(w; V mu_s, V B_s L_s B_s^T V^T + s2 I), by the determinant lemma
 mean      -||w - V mu_s||^2
 paper     o' of 1/2 ||V W' o' - w||^2 + lambda ||o'||_1, then log N(o'; mean_s, covariance_s)
 posterior softmax of (weights of the blend) . scores + offsets
+yaw       the hull's score plus -(|h|^2 - |z|^2) / 2, at its best whole degree, against the program's search
 Constants common to all classes (of nu, a and 2 pi) are left out of hull and paper scores.
 
 Exit code: 0 they agree, 1 they do not, 2 wrong usage, 77 NumPy or safetensors is missing.
@@ -37,6 +38,7 @@ except ImportError as error:
 
 TOLERANCE = 1e-3  # of posteriors; of scores relative to max(1, |score|)
 VOXELS = 2  # of completions
+YAW_QUERIES = 20
 FEWEST_FILLED = 16
 UNKNOWN, EMPTY, FILLED = 255, 0, 1
 RUNS = {
@@ -303,6 +305,50 @@ def differences(answer, expected, names):
     return np.abs(theirs - posterior).max(), score, other, abs(answer["completion"]["filled"] - filled)
 
 
+def turned(solid, degrees):
+    """Counter-clockwise about +z through the grid's centre, nearest neighbour; what enters is empty."""
+    n = np.array(solid.shape[:2])
+    x, y = np.meshgrid(*(np.arange(k) - (k - 1) / 2 for k in n), indexing="ij")
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    i, j = np.rint(c * x + s * y + (n[0] - 1) / 2).astype(int), np.rint(c * y - s * x + (n[1] - 1) / 2).astype(int)
+    inside = (i >= 0) & (i < n[0]) & (j >= 0) & (j < n[1])
+    out = solid[i.clip(0, n[0] - 1), j.clip(0, n[1] - 1)].copy()
+    out[~inside] = False
+    return out
+
+
+def exhaustive_yaw(model, view):
+    """Score of each class at every whole degree: log t_nu(z) - (|h|^2 - |z|^2) / 2, h the hull turned back."""
+    hull = view != EMPTY
+    hulls = np.stack([turned(hull, -r).reshape(-1) for r in range(360)]).astype(float)
+    z = hulls @ model.basis
+    outside = hulls.sum(axis=1) - (z**2).sum(axis=1)
+    nu = model.calibration["degrees_of_freedom"]
+    return np.array([[g.log_student(z[r], nu) for g in model.hulls] for r in range(360)]) - 0.5 * outside[:, None]
+
+
+def check_yaw(model, path, program, files, queries):
+    """The program's search against an exhaustive one. Gives the median shortfall of the best class's score in nats of the
+    posterior, queries of another class, and the greatest angle between both, where only one pose is likely.
+
+    The median, as neighbouring angles differ by some nats: which voxels are nearest changes with every turn."""
+    weight, offsets = model.calibration["hull"]["hull"], np.array(model.calibration["hull"]["offsets"])
+    shortfalls, others, apart = [], 0, 0.0
+    for n, file in enumerate(files[:queries]):
+        degrees = 17.0 * n % 360
+        answer = ask(program, path, [file], ["--pose", "yaw", "--turn", str(degrees)])[0]
+        scores = exhaustive_yaw(model, top_view(turned(read_binvox(file), degrees)))
+        best = scores.max(axis=0)
+        s = int((weight * best + offsets).argmax())
+        others += answer["class"] != model.names[s]
+        shortfalls.append(weight * (best[s] - answer["scores"][model.names[s]]))
+        first = answer["hypotheses"][0]
+        if first["probability"] > 0.9:
+            yaw = np.degrees(2 * np.arctan2(first["rotation"][2], first["rotation"][3]))
+            apart = max(apart, abs((yaw - scores[:, model.names.index(first["class"])].argmax() + 180) % 360 - 180))
+    return np.median(shortfalls), others, apart
+
+
 def main():
     parser = argparse.ArgumentParser(description="Compare `beo perceive` with NumPy, computed from the equations.")
     parser.add_argument("model", type=Path)
@@ -342,6 +388,13 @@ def main():
         failed |= bad
         shown = "-" if score is None else f"{score:.1e}"
         print(f"{name:14}{posterior:12.1e}{shown:>12}{classes:8}{voxels:8}{'   <- differs' if bad else ''}")
+    if model.hulls:
+        shortfall, others, apart = check_yaw(model, options.model, program, files, YAW_QUERIES)
+        bad = shortfall > 0.1 or others > 1 or apart > 5
+        failed |= bad
+        count = min(YAW_QUERIES, len(files))
+        print(f"yaw, {count} queries, against every whole degree: score lower by {shortfall:.2f} nats (median), other class in {others},")
+        print(f"    sure answers at most {apart:.1f} degrees away{'   <- differs' if bad else ''}")
     close = sum(len(m["paper"]) > 1 for m in mine)
     print(f"\nIn {close} queries the lasso's test for its end is a tie in single precision; either sweep was accepted there.")
     print("they differ" if failed else "they agree")
