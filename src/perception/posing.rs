@@ -87,7 +87,8 @@ impl Perceiver {
         Ok(())
     }
 
-    /// Looks for the angles by the hull, all classes with one covariance.
+    /// Looks for the angles by the hull, all classes with one covariance. What enters counts as empty even where nothing is known
+    /// of it: filled, as unknown voxels of a hull are, it would be a wall that no object has.
     pub(crate) fn search_hull(
         &self,
         view: usize,

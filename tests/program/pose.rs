@@ -1,7 +1,7 @@
 //! Pose: what turns with the query, what cannot be told, what is expected, and what is followed from frame to frame.
 
 use crate::harness::{RESOLUTION, instance, model, run, serve, shape, text};
-use beo::grid::{Dims, Observation, Occupancy, Rotation, Turn, View, yaw, yaw_of};
+use beo::grid::{Dims, Observation, Occupancy, Outside, Rotation, Turn, View, yaw, yaw_of};
 use beo::perception::{Frame, Method, PaperPose, Perceiver, Percept, PoseSearch, Query, RotationPrior};
 use beo::shapes::furniture;
 use beo_ipc::{InstanceName, ObservationHeader, Producer, Subscriber, SubscriberOptions};
@@ -128,8 +128,8 @@ fn what_says_nothing_of_the_pose_leaves_it_open() {
     let middle = (RESOLUTION as f64 - 1.0) / 2.0;
     let round = Occupancy::from_fn(dims(), |i, j, k| (i as f64 - middle).hypot(j as f64 - middle) < 5.2 && (3..11).contains(&k));
     for (observation, evenness) in [(nothing, 1.01), (View::Top.of(&round), 3.0)] {
-        for method in [Method::Auto, Method::Evidence] {
-            let percept = answer(&observation, &Query { method, ..yaw_query() });
+        for (method, outside) in [Method::Auto, Method::Evidence].into_iter().flat_map(|m| [(m, Outside::Empty), (m, Outside::Unknown)]) {
+            let percept = answer(&observation, &Query { method, outside, ..yaw_query() });
             assert!((percept.spread - FRAC_PI_2).abs() < 0.5, "{method}: {}", percept.spread);
             let of_class: Vec<f64> =
                 percept.hypotheses.iter().filter(|h| h.class == percept.hypotheses[0].class).map(|h| h.probability).collect();

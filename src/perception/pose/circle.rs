@@ -1,7 +1,9 @@
 //! Search over angles about z: a coarse grid, then hill climbing from its peaks, whatever the score.
 //!
-//! The grid has steps of 10°, finer than the modes of objects seen at 30³; on held-out ModelNet10 objects the search found
-//! the same class as exhaustive search at 1° on every query, and its median error was the same within 0.02°.
+//! The grid has steps of 10°, finer than the modes of objects seen at 30³. Against exhaustive search at 1° on 870 queries of
+//! objects held out of ModelNet10's `train`, the best class was another in at most 3 over half a circle and 5 over the whole
+//! (steps of 5° and 15° did alike); the mean error was 5.5° against 5.2°. There is no guarantee: a mode narrower than half a
+//! step can be missed.
 
 use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
