@@ -4,16 +4,20 @@
 
 mod dims;
 mod distance;
+mod height_map;
 mod observation;
 mod occupancy;
+mod pooling;
 mod rotation;
 mod runs;
 mod view;
 
 pub use dims::{Dims, DimsError};
 pub use distance::distance_transform;
+pub use height_map::HeightMap;
 pub use observation::{EMPTY, FILLED, Observation, ObservationError, UNKNOWN};
 pub use occupancy::Occupancy;
+pub use pooling::Pooling;
 pub use rotation::{Outside, Rotation, Turn, column_sources, yaw, yaw_of};
 pub use runs::for_each_run;
 pub use view::View;

@@ -7,6 +7,8 @@
 //! | `basis` | class bases and the shared basis W', streamed over voxels | text after eq. 9 |
 //! | `shrinkage` | class covariance of complete objects | eqs. 7, 8; Ledoit & Wolf, Schäfer & Strimmer |
 //! | `hull_density` | class density of the visual hulls | normal-inverse-Wishart posterior |
+//! | `render` | height maps of turned shapes | |
+//! | `view_density` | densities of turned objects seen from above, by direction | principal components, Gaussians |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
 //! | `train` | the driver, with internal cross-validation | |
 //!
@@ -16,8 +18,10 @@ mod basis;
 mod calibration;
 mod gram;
 mod hull_density;
+mod render;
 mod shrinkage;
 mod train;
 pub mod vbpca;
+mod view_density;
 
 pub use train::{FEWEST_SHAPES, Step, TrainError, TrainOptions, train};

@@ -5,6 +5,7 @@ use super::calibration::{Fitted, FittedVoxels, fit_blend, fit_voxels};
 use super::gram::overlaps;
 use super::hull_density::HullMoments;
 use super::shrinkage::{centre, shrunk_covariance};
+use super::view_density::view_densities;
 use crate::grid::{Dims, Occupancy, View};
 use crate::linear::LinearError;
 use crate::model::{
@@ -114,7 +115,7 @@ const COMPLETED_VOXELS: usize = 400;
 pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) + Sync)) -> Result<Model, TrainError> {
     let data = Data::new(shapes, options)?;
     let folds = data.folds(options);
-    let total = folds.len() + 2;
+    let total = folds.len() + 3;
     let step = |name, done| progress(Step { name, done, total });
 
     let mut held_out = Vec::new();
@@ -137,6 +138,8 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
             HullMoments::new(&projected.iter().map(Mat::as_ref).collect::<Vec<_>>())
         })
         .collect();
+    step("learning views from all sides", folds.len() + 2);
+    let view_densities = view_densities(&data.classes, options.seed)?;
     let (mut infos, mut classes) = (Vec::new(), Vec::new());
     for (s, class) in fit.classes.into_iter().enumerate() {
         let (_, centred) = centre(class.projected.as_ref());
@@ -178,7 +181,7 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
             folds: options.folds,
         },
     };
-    Ok(Model { id: 0, metadata, basis: fit.basis, classes })
+    Ok(Model { id: 0, metadata, basis: fit.basis, classes, view_densities })
 }
 
 /// The shapes by class, and their inner products.

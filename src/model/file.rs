@@ -1,6 +1,7 @@
 //! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
 
-use super::{Basis, ClassModel, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, mapping};
+use super::{Basis, ClassModel, DIRECTIONS, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, ViewDensities, mapping};
+use crate::grid::Pooling;
 use crate::shapes::library::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use half::f16;
 use memmap2::Mmap;
@@ -71,6 +72,24 @@ pub(super) fn half_slice(bytes: &[u8]) -> &[f16] {
     bytemuck::cast_slice(bytes)
 }
 
+/// Length of a packed lower triangle of `size` rows.
+fn packed(size: usize) -> usize {
+    size * (size + 1) / 2
+}
+
+/// The lower triangles, row after row, of symmetric matrices of `size` × `size` values.
+fn pack(matrices: &[f32], size: usize) -> Vec<f32> {
+    let rows = matrices.chunks_exact(size).enumerate();
+    rows.flat_map(|(i, row)| row[..=i % size].iter().copied()).collect()
+}
+
+/// The symmetric matrices of such lower triangles.
+fn unpack(triangles: &[f32], size: usize) -> Vec<f32> {
+    let matrices = triangles.chunks_exact(packed(size));
+    let entry = |(i, j): (usize, usize)| packed(i.max(j)) + i.min(j);
+    matrices.flat_map(|t| (0..size * size).map(move |v| t[entry((v / size, v % size))])).collect()
+}
+
 /// Writes a model. The file appears under its name only when it is complete.
 pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let io = |source| ModelError::Io { path: path.to_owned(), source };
@@ -78,7 +97,7 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let stack = |part: fn(&ClassModel) -> &[f32]| -> Vec<f32> { model.classes.iter().flat_map(|c| part(c).iter().copied()).collect() };
     let mut floats: Vec<(String, Vec<usize>, Vec<f32>)> = vec![
         ("class_mean".into(), vec![classes, rank], stack(|c| &c.mean)),
-        ("class_covariance".into(), vec![classes, rank, rank], stack(|c| &c.covariance)),
+        ("class_covariance".into(), vec![classes, packed(rank)], pack(&stack(|c| &c.covariance), rank)),
     ];
     let directions = stack(|c| &c.directions);
     floats.push(("class_directions".into(), vec![directions.len() / rank, rank], directions));
@@ -87,7 +106,7 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
             model.classes.iter().flat_map(|c| part(&c.hulls[v]).iter().copied()).collect()
         };
         floats.push((format!("hull_{}_mean", view.name()), vec![classes, rank], stack(|h| &h.mean)));
-        floats.push((format!("hull_{}_covariance", view.name()), vec![classes, rank, rank], stack(|h| &h.covariance)));
+        floats.push((format!("hull_{}_covariance", view.name()), vec![classes, packed(rank)], pack(&stack(|h| &h.covariance), rank)));
     }
     let variances: Vec<f64> = model.classes.iter().flat_map(|c| c.variances.iter().copied()).collect();
 
@@ -95,6 +114,17 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
         ("basis".into(), Dtype::F16, vec![model.basis.voxels(), rank], bytemuck::cast_slice(model.basis.values())),
         ("class_variances".into(), Dtype::F64, vec![variances.len()], bytemuck::cast_slice(&variances)),
     ];
+    let views = &model.view_densities;
+    let p = views.size;
+    let halves: [(&str, Vec<usize>, &[f16]); 4] = [
+        ("view_basis", vec![views.basis.len() / p, p], &views.basis),
+        ("view_mean", vec![DIRECTIONS, classes, p], &views.means),
+        ("view_whitening", vec![DIRECTIONS, classes, packed(p)], &views.whitening),
+        ("view_regression", vec![DIRECTIONS, classes, 3, p], &views.regression),
+    ];
+    for (name, shape, values) in halves {
+        tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
+    }
     for (name, shape, values) in &floats {
         tensors.push((name.clone(), Dtype::F32, shape.clone(), bytemuck::cast_slice(values)));
     }
@@ -105,13 +135,13 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let header = Header { metadata: model.metadata.clone(), checksums, checksum };
     let header = HashMap::from([(KEY.to_string(), serde_json::to_string(&header).expect("plain data"))]);
 
-    let views = tensors.into_iter().map(|(name, dtype, shape, bytes)| {
+    let tensors = tensors.into_iter().map(|(name, dtype, shape, bytes)| {
         (name, TensorView::new(dtype, shape, bytes).expect("the shapes were computed from the lengths"))
     });
     let partial = path.with_extension("partial");
     // Made here first for its permissions: those of any new file, whereas the writer would make it readable for one user only.
     let permissions = File::create(&partial).and_then(|file| file.metadata()).map_err(io)?.permissions();
-    if let Err(error) = safetensors::serialize_to_file(views, Some(header), &partial) {
+    if let Err(error) = safetensors::serialize_to_file(tensors, Some(header), &partial) {
         let _ = std::fs::remove_file(&partial);
         return Err(io(std::io::Error::other(error)));
     }
@@ -162,7 +192,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
     let basis = Basis::mapped(rank, file.map.clone(), range);
 
     let mean = file.floats(&tensors, "class_mean", &[m, rank])?;
-    let covariance = file.floats(&tensors, "class_covariance", &[m, rank, rank])?;
+    let covariance = file.symmetric(&tensors, "class_covariance", m, rank)?;
     let directions = file.floats(&tensors, "class_directions", &[total, rank])?;
     let variances = file.doubles(&tensors, "class_variances", &[total])?;
     if !variances.iter().all(|v| *v > 0.0 && v.is_finite()) {
@@ -172,9 +202,10 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
     for view in &metadata.settings.views {
         hulls.push((
             file.floats(&tensors, &format!("hull_{}_mean", view.name()), &[m, rank])?,
-            file.floats(&tensors, &format!("hull_{}_covariance", view.name()), &[m, rank, rank])?,
+            file.symmetric(&tensors, &format!("hull_{}_covariance", view.name()), m, rank)?,
         ));
     }
+    let view_densities = file.view_densities(&tensors, metadata)?;
     let slice = |values: &[f32], s: usize, size: usize| values[s * size..(s + 1) * size].to_vec();
     let mut first = 0;
     let classes = metadata
@@ -197,7 +228,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
         })
         .collect();
     let id = u64::from(file.header.checksum) << 32 | u64::from(file.header.checksums.get("basis").copied().unwrap_or(0));
-    Ok(Model { id, metadata: file.header.metadata, basis, classes })
+    Ok(Model { id, metadata: file.header.metadata, basis, classes, view_densities })
 }
 
 /// What a file that was written by `save` always satisfies, and a hand-made one may not.
@@ -293,7 +324,54 @@ impl Opened {
         Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F32, shape)?))
     }
 
+    /// Symmetric matrices that are stored as lower triangles, `count` of `size` × `size`.
+    fn symmetric(&self, tensors: &SafeTensors<'_>, name: &str, count: usize, size: usize) -> Result<Vec<f32>, ModelError> {
+        Ok(unpack(&self.floats(tensors, name, &[count, packed(size)])?, size))
+    }
+
     fn doubles(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelError> {
         Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F64, shape)?))
+    }
+
+    fn halves(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f16>, ModelError> {
+        let values: Vec<f16> = bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F16, shape)?);
+        if values.iter().all(|v| v.is_finite()) {
+            return Ok(values);
+        }
+        Err(self.invalid(format!("tensor `{name}` holds a value that is not a number")))
+    }
+
+    fn view_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<ViewDensities, ModelError> {
+        let (m, cells) = (metadata.classes.len(), Pooling::new(metadata.dims).count());
+        let size = self.tensor(tensors, "view_basis")?.shape().get(1).copied().unwrap_or(0);
+        if size == 0 || size > cells {
+            return Err(self.invalid(format!("tensor `view_basis` has {size} columns where 1 to {cells} were expected")));
+        }
+        let triangle = packed(size);
+        let densities = ViewDensities {
+            size,
+            basis: self.halves(tensors, "view_basis", &[cells, size])?,
+            means: self.halves(tensors, "view_mean", &[DIRECTIONS, m, size])?,
+            whitening: self.halves(tensors, "view_whitening", &[DIRECTIONS, m, triangle])?,
+            regression: self.halves(tensors, "view_regression", &[DIRECTIONS, m, 3, size])?,
+        };
+        let positive = |factor: &[f16]| (0..size).all(|i| factor[packed(i + 1) - 1] > f16::ZERO);
+        if !densities.whitening.chunks_exact(triangle).all(positive) {
+            return Err(self.invalid("tensor `view_whitening` has a diagonal that is not positive"));
+        }
+        Ok(densities)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn symmetric_matrices_survive_packing() {
+        let matrices = [1.0, 2.0, 4.0, 2.0, 3.0, 5.0, 4.0, 5.0, 6.0, 7.0, 8.0, 0.5, 8.0, 9.0, 0.25, 0.5, 0.25, 10.0];
+        let triangles = pack(&matrices, 3);
+        assert_eq!(triangles, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 0.5, 0.25, 10.0]);
+        assert_eq!(unpack(&triangles, 3), matrices);
     }
 }

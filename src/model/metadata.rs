@@ -4,7 +4,7 @@ use crate::grid::{Dims, View};
 use serde::{Deserialize, Serialize};
 
 /// Version of the file format that this program writes and reads.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
 /// Description of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

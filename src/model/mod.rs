@@ -7,10 +7,12 @@ mod basis;
 mod file;
 mod mapping;
 mod metadata;
+mod view_density;
 
 pub use basis::Basis;
 pub use file::{ModelError, VerifyReport, load, save, verify};
 pub use metadata::{Blend, Calibration, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings};
+pub use view_density::{DIRECTIONS, ViewDensities};
 
 use crate::grid::{Dims, View};
 
@@ -52,6 +54,8 @@ pub struct Model {
     pub basis: Basis,
     /// One entry per class, in the order of `metadata.classes`.
     pub classes: Vec<ClassModel>,
+    /// Densities of turned objects seen from above.
+    pub view_densities: ViewDensities,
 }
 
 impl Model {

@@ -4,6 +4,7 @@ use super::blend::{Scores, softmax};
 use super::completion;
 use super::known::Known;
 use super::pose::posterior::Sample;
+use super::pose::view_scores::ViewScores;
 use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
@@ -25,6 +26,8 @@ pub struct Perceiver {
     /// Hull densities with one covariance for all classes, by view: for the search over yaw.
     pub(super) common: Vec<CommonDensity>,
     pub(super) subspaces: Vec<ClassSubspace>,
+    /// Densities of turned objects seen from above, for the search over SO(3).
+    pub(super) views: ViewScores,
     /// Densities of complete objects (the paper's), made on first use.
     pub(super) complete: OnceLock<Vec<Density>>,
     /// Gram matrix of W' (the paper's method), made on first use.
@@ -82,6 +85,7 @@ impl Perceiver {
             hulls,
             common,
             subspaces,
+            views: ViewScores::new(&model),
             complete: OnceLock::new(),
             gram: OnceLock::new(),
             noise,

@@ -21,7 +21,7 @@ impl Perceiver {
             PoseSearch::Known => return Ok(()),
             _ if query.method == Method::Paper && percept.informed => self.find_pose_as_the_paper(query, work, percept)?,
             PoseSearch::Yaw { span } => self.find_yaw(span, query, work, percept)?,
-            PoseSearch::Full => self.find_yaw(std::f64::consts::TAU, query, work, percept)?,
+            PoseSearch::Full => self.find_full(query, work, percept)?,
         }
         percept.class = most_probable(&percept.posterior);
         percept.spread = hypotheses(&work.samples, &percept.posterior, MODE_RADIUS, &mut percept.hypotheses);
@@ -37,7 +37,7 @@ impl Perceiver {
     }
 
     /// The observation in the object's frame, if the object is turned by `rotation`.
-    fn turned_back(&self, seen: &Observation, rotation: &Rotation, query: &Query) -> Observation {
+    pub(super) fn turned_back(&self, seen: &Observation, rotation: &Rotation, query: &Query) -> Observation {
         Turn::new(self.model.dims(), &rotation.inverse()).observation(seen, query.outside)
     }
 
@@ -152,11 +152,10 @@ impl Perceiver {
     ///
     /// The background is σ²-noise about zero: a known voxel far from the object, of which turning adds or removes some, then
     /// says nothing.
-    fn score_turned(&self, turned: &Observation, wanted: &[bool]) -> Result<(Vec<f64>, Vec<f64>), LinearError> {
+    pub(super) fn score_turned(&self, turned: &Observation, wanted: &[bool]) -> Result<(Vec<f64>, Vec<f64>), LinearError> {
         let mut known = Known::new(self.model.dims());
         known.read(turned);
-        let voxels = turned.known().count_ones(..) as f64;
-        let background = -0.5 * (voxels * (std::f64::consts::TAU * self.noise).ln() + known.filled.len() as f64 / self.noise);
+        let background = self.background(turned, &known);
         let (mut evidence, mut distance) = (Vec::new(), Vec::new());
         for (class, wanted) in self.subspaces.iter().zip(wanted) {
             if !wanted {
@@ -170,5 +169,19 @@ impl Perceiver {
             distance.push(-conditional.distance2);
         }
         Ok((evidence, distance))
+    }
+
+    /// The same for one class, whose posterior given the turned observation is left in `conditional`.
+    pub(super) fn condition_turned(&self, turned: &Observation, class: usize, conditional: &mut Conditional) -> Result<f64, LinearError> {
+        let mut known = Known::new(self.model.dims());
+        known.read(turned);
+        self.subspaces[class].condition(&known, self.noise, conditional)?;
+        Ok(conditional.log_evidence - self.background(turned, &known))
+    }
+
+    /// Log density of the known voxels without a class.
+    fn background(&self, turned: &Observation, known: &Known) -> f64 {
+        let voxels = turned.known().count_ones(..) as f64;
+        -0.5 * (voxels * (std::f64::consts::TAU * self.noise).ln() + known.filled.len() as f64 / self.noise)
     }
 }

@@ -195,6 +195,16 @@ impl ClassSubspace {
         }
     }
 
+    /// Posterior mean of the latent occupancy of every voxel, in their order, not clamped; `conditional` was conditioned before.
+    pub fn reconstruct(&self, conditional: &Conditional, mut each: impl FnMut(f32)) {
+        let k = self.size;
+        pulp::Arch::new().dispatch(|| {
+            for row in self.rows.chunks_exact(k + 2) {
+                each(row[k] + super::density::dot(&row[..k], &conditional.coefficients));
+            }
+        });
+    }
+
     /// Prepares `conditional` for [`Self::predict`]: the inverse factor that gives variances.
     pub fn prepare(&self, conditional: &mut Conditional) {
         let k = self.size;

@@ -7,11 +7,25 @@
 //! | `grid` | rotations spread evenly over SO(3) |
 //! | `circle` | search over angles about z, whatever the score |
 //! | `yaw` | scores of such angles by the hull's projection |
+//! | `viewpoint` | any rotation as a direction that points up and a turn in the image plane |
+//! | `hull_features` | what a view from above shows, in few numbers |
+//! | `view_scores` | scores of all directions, turns and classes by such numbers |
+//! | `modes` | peaks among scored rotations |
+//! | `refine` | a rotation refined by reconstructing the object and turning it onto the observation |
+//! | `full` | search over SO(3): from these, class and pose |
 
 pub(crate) mod circle;
+mod full;
 pub(crate) mod grid;
+pub(crate) mod hull_features;
+mod modes;
 pub(crate) mod posterior;
 mod prior;
+mod refine;
+#[cfg(test)]
+mod small;
+pub(crate) mod view_scores;
+pub(crate) mod viewpoint;
 pub(crate) mod yaw;
 
 pub use posterior::Hypothesis;

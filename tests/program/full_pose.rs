@@ -1,0 +1,126 @@
+//! Pose over all rotations: what turns with the query, what cannot be told, what is expected.
+
+use crate::harness::{RESOLUTION, model};
+use beo::evaluation::protocol::draw_rotation;
+use beo::grid::{Dims, Observation, Occupancy, Outside, Rotation, Turn, View, yaw};
+use beo::perception::{Method, Perceiver, Percept, PoseSearch, Query, RotationPrior};
+use beo::shapes::furniture;
+use nalgebra::Vector3;
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::{Arc, OnceLock};
+
+fn dims() -> Dims {
+    Dims::cube(RESOLUTION).unwrap()
+}
+
+fn perceiver() -> &'static Perceiver {
+    static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
+    PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo::model::load(model()).unwrap())).unwrap())
+}
+
+fn answer(observation: &Observation, query: &Query) -> Percept {
+    let (mut work, mut percept) = (perceiver().workspace(), Percept::default());
+    perceiver().classify(observation, query, &mut work, &mut percept).unwrap();
+    perceiver().complete(query, &mut work, &mut percept).unwrap();
+    percept
+}
+
+fn query() -> Query {
+    Query { pose: PoseSearch::Full, completion: true, ..Query::default() }
+}
+
+/// The class is told.
+fn told(class: &str) -> Query {
+    let only = |c: &str| if c == class { 0.0 } else { f64::NEG_INFINITY };
+    Query { log_prior: furniture::CLASSES.iter().map(|c| only(c)).collect(), ..query() }
+}
+
+fn seen(object: &Occupancy, rotation: &Rotation) -> Observation {
+    View::Top.of(&Turn::new(object.dims(), rotation).occupancy(object))
+}
+
+fn chair(seed: u64) -> Occupancy {
+    furniture::make("chair", dims(), seed).unwrap()
+}
+
+#[test]
+fn a_turned_chair_is_found_where_it_is_and_not_turned_the_other_way() {
+    let (mut right, mut inverse) = (0, 0);
+    for place in 0..30 {
+        let rotation = draw_rotation(PoseSearch::Full, 1, place);
+        let percept = answer(&seen(&chair(100 + place as u64), &rotation), &told("chair"));
+        assert_eq!(furniture::CLASSES[percept.class], "chair");
+        right += usize::from(percept.rotation.angle_to(&rotation) < 15_f64.to_radians());
+        inverse += usize::from(percept.rotation.angle_to(&rotation.inverse()) < 15_f64.to_radians());
+        assert!(percept.hypotheses.iter().all(|h| h.class == percept.class));
+    }
+    assert!(right >= 20 && inverse <= 3, "{right} {inverse}");
+}
+
+#[test]
+fn turning_the_query_turns_the_answer() {
+    for place in 0..4 {
+        let (object, rotation) = (chair(120 + place as u64), draw_rotation(PoseSearch::Full, 2, place));
+        let first = answer(&seen(&object, &rotation), &query());
+        for quarter in 1..4 {
+            let turn = yaw(f64::from(quarter) * FRAC_PI_2);
+            let percept = answer(&seen(&object, &(turn * rotation)), &query());
+            assert!(percept.rotation.angle_to(&(turn * first.rotation)) < 6_f64.to_radians());
+            for (a, b) in percept.posterior.iter().zip(&first.posterior) {
+                assert!((a - b).abs() < 0.1, "{a} {b}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_method_answers_views_and_other_observations() {
+    let rotation = draw_rotation(PoseSearch::Full, 3, 0);
+    let view = seen(&chair(130), &rotation);
+    // The same, seen from the side: no view from above.
+    let quarter = Rotation::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+    let side = Turn::new(dims(), &quarter).observation(&view, Outside::Empty);
+    for (observation, truth) in [(view, rotation), (side, quarter * rotation)] {
+        for outside in [Outside::Empty, Outside::Unknown] {
+            for method in [Method::Auto, Method::Hull, Method::Evidence, Method::Mean, Method::Paper] {
+                let percept = answer(&observation, &Query { method, outside, ..told("chair") });
+                assert!((percept.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{method}");
+                assert!(percept.occupancy.iter().chain(&percept.deviation).all(|v| v.is_finite()), "{method}");
+                assert!(!percept.hypotheses.is_empty() && percept.spread.is_finite(), "{method}");
+                let error = percept.rotation.angle_to(&truth).to_degrees();
+                assert!(![Method::Auto, Method::Evidence].contains(&method) || error < 15.0, "{method}, {outside:?}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_seen_leaves_the_pose_open() {
+    let percept = answer(&Observation::unknown(dims()), &query());
+    // Mean angle between rotations: π/2 + 2/π.
+    assert!((percept.spread - FRAC_PI_2 - 2.0 / PI).abs() < 0.1, "{}", percept.spread);
+    assert!(percept.hypotheses.iter().all(|h| h.probability < 0.01), "{:?}", percept.hypotheses);
+    assert!(percept.posterior.iter().all(|p| (p - 0.1).abs() < 1e-9));
+}
+
+#[test]
+fn a_rotation_prior_decides_between_what_looks_alike() {
+    // A slab: its four quarter turns look alike, and so do its two faces.
+    let slab = Occupancy::from_fn(dims(), |i, j, k| (3..13).contains(&i) && (3..13).contains(&j) && (6..10).contains(&k));
+    let observation = seen(&slab, &yaw(0.0));
+    for (quarter, concentration) in [(0, 20.0), (1, 20.0), (2, 400.0), (3, 1e5)] {
+        let expected = yaw(f64::from(quarter) * FRAC_PI_2);
+        let query = Query { rotation_prior: RotationPrior::around(expected, concentration), ..told("table") };
+        let percept = answer(&observation, &query);
+        let error = percept.rotation.angle_to(&expected).to_degrees();
+        assert!(error < if concentration > 100.0 { 6.0 } else { 20.0 }, "{quarter}, {concentration}: {error}");
+        assert!(percept.spread < 0.5, "{}", percept.spread);
+    }
+    // With a floor, what contradicts the prior is still found.
+    let rotation = draw_rotation(PoseSearch::Full, 4, 2);
+    let object = chair(140);
+    let wrong = rotation * Rotation::from_axis_angle(&Vector3::y_axis(), 2.0);
+    let query = Query { rotation_prior: RotationPrior::mixture([(wrong, 1.0)], 400.0, 0.3), ..told("chair") };
+    let percept = answer(&seen(&object, &rotation), &query);
+    assert!(percept.rotation.angle_to(&rotation) < 15_f64.to_radians(), "{}", percept.rotation.angle_to(&rotation));
+}
