@@ -46,7 +46,7 @@ impl ColumnSums {
     #[inline(always)]
     fn add(&self, start: usize, end: usize, out: &mut [f32]) {
         out.iter_mut().zip(self.row(end - 1)).for_each(|(out, sum)| *out += sum);
-        if start % self.dims.z() != 0 {
+        if !start.is_multiple_of(self.dims.z()) {
             out.iter_mut().zip(self.row(start - 1)).for_each(|(out, sum)| *out -= sum);
         }
     }

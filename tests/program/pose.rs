@@ -265,7 +265,7 @@ fn perceive_and_eval_say_how_objects_are_turned() {
         assert_eq!(outcome["pose"], extra[1]);
         let figures = ["median", "mean", "p90", "symmetry_aware_median"].map(|f| outcome["pose_error_deg"][f].as_f64().unwrap());
         assert!(figures.iter().all(|f| (0.0..=most).contains(f)), "{figures:?}");
-        assert!(figures[3] <= figures[0]);
+        assert!(figures[3] <= figures[0] + 1e-6);
     }
     let usage = run(["eval", "x", "--model", "y", "--split", "z", "--pose", "yaw", "--yaw-span", "400"]);
     assert_eq!(usage.status.code(), Some(2));

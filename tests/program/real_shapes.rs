@@ -20,7 +20,7 @@ fn skipped(why: &str) {
 }
 
 #[test]
-fn known_pose_accuracy_calibration_and_completion_on_modelnet10() {
+fn accuracy_calibration_completion_and_pose_on_modelnet10() {
     let Some(shapes) = modelnet10() else { return };
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("train.safetensors");
@@ -48,6 +48,34 @@ fn known_pose_accuracy_calibration_and_completion_on_modelnet10() {
         assert!(ours >= baseline + 0.05, "{completion}");
     }
     check_scores_with_numpy(model, shapes);
+    check_pose(model, shapes, folder.path());
+}
+
+/// Class and pose jointly, and pose against ICP with the class known, on samples of the queries.
+fn check_pose(model: &str, shapes: &str, folder: &Path) {
+    let outcome = folder.join("pose.json");
+    let eval = |arguments: &[&str]| -> Value {
+        let common = ["eval", shapes, "--split", "validation", "--model", model, "--json", outcome.to_str().unwrap()];
+        let eval = run(common.iter().chain(arguments));
+        assert!(eval.status.success(), "{}", text(&eval.stderr));
+        println!("{}", text(&eval.stdout));
+        serde_json::from_str(&std::fs::read_to_string(&outcome).unwrap()).unwrap()
+    };
+    let number = |value: &Value| value.as_f64().unwrap();
+    for (span, least) in [("180", 0.78), ("360", 0.74)] {
+        let yaw = eval(&["--pose", "yaw", "--yaw-span", span]);
+        assert!(number(&yaw["accuracy"]) >= least, "{}", yaw["accuracy"]);
+        assert!(number(&yaw["pose_error_deg"]["median"]) <= 1.5, "{}", yaw["pose_error_deg"]);
+        assert!(number(&yaw["calibration"]["ece"]) <= 0.08, "{}", yaw["calibration"]);
+    }
+    let known = eval(&["--pose", "yaw", "--yaw-span", "180", "--known-class", "--icp", "--limit", "100"]);
+    let median = |value: &Value, kind: &str| number(&value["pose_error_deg"][kind]);
+    assert!(median(&known["methods"], "median") < median(&known["icp"][1], "median"), "{known:#}");
+    let known = eval(&["--pose", "full", "--known-class", "--icp", "--limit", "100"]);
+    let (ours, icp) = (median(&known["methods"], "symmetry_aware_median"), median(&known["icp"][1], "symmetry_aware_median"));
+    assert!(ours < 0.5 * icp && ours < 8.0, "{ours} {icp}");
+    let paper = eval(&["--pose", "yaw", "--yaw-span", "180", "--method", "paper", "--limit", "60"]);
+    assert!(number(&paper["accuracy"]) >= 0.5, "{}", paper["accuracy"]);
 }
 
 /// Class scores of 50 queries by an independent script, where NumPy is installed.

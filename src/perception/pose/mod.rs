@@ -23,7 +23,7 @@ pub(crate) mod posterior;
 mod prior;
 mod refine;
 #[cfg(test)]
-mod small;
+pub(super) mod small;
 pub(crate) mod view_scores;
 pub(crate) mod viewpoint;
 pub(crate) mod yaw;

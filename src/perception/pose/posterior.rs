@@ -38,8 +38,11 @@ pub struct Sample {
 /// Merges samples into modes. `classes` holds P(s | query); within a class the samples share it in proportion to density ×
 /// share. A mode is a peak with all samples of its class that lie within `radius` radians of it.
 ///
+/// The rotation of a mode is its peak's, or with `averaged` the middle of the peak's flat top: samples beside each other,
+/// rather than refined ones, tell no more.
+///
 /// Gives at most [`MOST_HYPOTHESES`], most probable first, and the spread: the expected angle to the first of them, radians.
-pub fn hypotheses(samples: &[Sample], classes: &[f64], radius: f64, out: &mut Vec<Hypothesis>) -> f64 {
+pub fn hypotheses(samples: &[Sample], classes: &[f64], radius: f64, averaged: bool, out: &mut Vec<Hypothesis>) -> f64 {
     out.clear();
     let mut weighted: Vec<(f64, Sample)> = Vec::with_capacity(samples.len());
     for (class, p) in classes.iter().enumerate().filter(|(_, p)| **p > 0.0) {
@@ -77,7 +80,7 @@ pub fn hypotheses(samples: &[Sample], classes: &[f64], radius: f64, out: &mut Ve
             }
         }
         left -= probability;
-        let rotation = middle(&weighted[i..], &peak);
+        let rotation = if averaged { middle(&weighted[i..], &peak) } else { peak.rotation };
         let place = out.iter().position(|h| h.probability < probability).unwrap_or(out.len());
         out.insert(place, Hypothesis { rotation, class: peak.class, probability });
         out.truncate(MOST_HYPOTHESES);
@@ -126,7 +129,7 @@ mod tests {
     #[test]
     fn four_equal_modes_are_four_hypotheses() {
         let mut out = Vec::new();
-        let spread = hypotheses(&circle(|a| 50.0 * (4.0 * (a - 0.3)).cos()), &[0.8, 0.2], 15_f64.to_radians(), &mut out);
+        let spread = hypotheses(&circle(|a| 50.0 * (4.0 * (a - 0.3)).cos()), &[0.8, 0.2], 15_f64.to_radians(), true, &mut out);
         assert_eq!(out.len(), 4);
         for h in &out {
             assert!((h.probability - 0.2).abs() < 0.002, "{h:?}");
@@ -140,7 +143,7 @@ mod tests {
     #[test]
     fn a_flat_posterior_says_that_nothing_is_known() {
         let mut out = Vec::new();
-        let spread = hypotheses(&circle(|_| 0.0), &[1.0], 15_f64.to_radians(), &mut out);
+        let spread = hypotheses(&circle(|_| 0.0), &[1.0], 15_f64.to_radians(), true, &mut out);
         assert_eq!(out.len(), MOST_HYPOTHESES);
         assert!(out.iter().all(|h| h.probability < 0.09));
         assert!((spread - PI / 2.0).abs() < 1e-3, "{spread}");
@@ -149,9 +152,9 @@ mod tests {
     #[test]
     fn a_class_without_samples_or_without_probability_is_left_out() {
         let mut out = Vec::new();
-        assert_eq!(hypotheses(&[], &[1.0], 0.2, &mut out), 0.0);
+        assert_eq!(hypotheses(&[], &[1.0], 0.2, true, &mut out), 0.0);
         assert!(out.is_empty());
-        hypotheses(&circle(|a| 100.0 * a.cos()), &[0.0, 1.0], 0.2, &mut out);
+        hypotheses(&circle(|a| 100.0 * a.cos()), &[0.0, 1.0], 0.2, true, &mut out);
         assert!(out.is_empty());
     }
 }

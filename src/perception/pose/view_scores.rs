@@ -152,7 +152,7 @@ mod tests {
     use crate::perception::pose::small::{model, unseen};
     use half::f16;
 
-    /// log N by the textbook, for z = (0.3, −1): S = L Lᵀ with L = [[2, 0], [1, 0.5]], so L⁻¹ = [[0.5, 0], [−1, 2]].
+    /// log N by the textbook, for z = (0.3, −1): S = L Lᵀ with L = [[2, 0], [1, 1]], so L⁻¹ = [[0.5, 0], [−0.5, 1]].
     #[test]
     fn scores_are_log_densities_of_the_dense_gaussian() {
         let half = |values: &[f32]| -> Vec<f16> { values.iter().map(|v| f16::from_f32(*v)).collect() };
@@ -161,15 +161,15 @@ mod tests {
             size: 2,
             basis: vec![],
             means: half(&[&[9.0, 9.0], &mean[..]].concat()),
-            whitening: half(&[1.0, 0.0, 1.0, 0.5, -1.0, 2.0]),
+            whitening: half(&[1.0, 0.0, 1.0, 0.5, -0.5, 1.0]),
             regression: vec![],
         };
         let mut scratch = Scratch::new(2);
         scratch.load(&densities, 0, 1, 2);
         let mut turned = vec![[0.0; TURNS]; 2];
         (turned[0][5], turned[1][5]) = (0.3, -1.0);
-        // S = [[4, 2], [2, 1.25]], |S| = 1, S⁻¹ = [[1.25, −2], [−2, 4]], centred (−0.7, −0.5)
-        let expected = -0.5 * (1.25 * 0.49 - 4.0 * 0.35 + 4.0 * 0.25);
+        // S = [[4, 2], [2, 2]], |S| = 4, S⁻¹ = [[0.5, −0.5], [−0.5, 1]], centred (−0.7, −0.5)
+        let expected = -0.5 * (4.0_f64.ln() + 0.5 * 0.49 - 0.35 + 0.25);
         assert!((f64::from(scratch.log_densities(&turned)[5]) - expected).abs() < 1e-6);
     }
 
