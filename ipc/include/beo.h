@@ -635,7 +635,7 @@ beo_status beo_producer_open(const char *instance,
                              const struct beo_producer_options *options,
                              struct beo_producer **producer);
 
-/** Closes a producer. Its loans stay valid until they are committed or abandoned. */
+/** Closes a producer. Its loans stay writable, but can only be abandoned. */
 beo_status beo_producer_close(struct beo_producer *producer);
 
 /**
@@ -663,7 +663,8 @@ beo_status beo_producer_loan(struct beo_producer *producer,
 
 /**
  * Sends the grid and stores its number, which its percept repeats, in `*sequence`, which may be NULL. Never waits for a reader. The loan
- * and its voxels end here, unless an error is returned.
+ * and its voxels end here, unless the header is refused with `BEO_STATUS_INVALID_ARGUMENT`. `BEO_STATUS_NOT_RUNNING` if the producer was
+ * closed, or let go of a daemon that went away, after the loan: the grid is lost.
  *
  * `header` says what the grid is and what is asked for; start from `beo_observation_header_init`; NULL stands for what that fills in.
  * `producer_id` and `sequence` are filled in here, and `capture_ns` if it is 0: with the time of the loan.

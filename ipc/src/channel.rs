@@ -411,7 +411,10 @@ pub(crate) fn loan_error(error: iceoryx2::port::LoanError, asked: usize, possibl
 }
 
 pub(crate) fn send_error(error: iceoryx2::port::SendError) -> SendError {
-    SendError::Failed(format!("{error:?}"))
+    match error {
+        iceoryx2::port::SendError::ConnectionBrokenSinceSenderNoLongerExists => SendError::ProducerGone,
+        error => SendError::Failed(format!("{error:?}")),
+    }
 }
 
 pub(crate) fn receive_error(error: iceoryx2::port::ReceiveError) -> ReceiveError {

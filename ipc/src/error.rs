@@ -135,6 +135,9 @@ pub enum SendError {
     /// There was no memory to send it in.
     #[error(transparent)]
     Loan(#[from] LoanError),
+    /// The producer that it was loaned from is gone: closed, or let go because its daemon was gone.
+    #[error("the producer was closed, or its daemon went away, after this was loaned: it is lost, loan anew")]
+    ProducerGone,
     /// Anything else, in iceoryx2's words.
     #[error("cannot send a sample: {0}")]
     Failed(String),

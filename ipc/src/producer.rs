@@ -170,6 +170,7 @@ impl Loan {
     /// Sends the grid and wakes the daemon. Never waits for a reader.
     ///
     /// # Errors
+    /// [`SendError::ProducerGone`] if the producer was dropped since;
     /// [`SendError::Failed`] if iceoryx2 could not deliver it.
     pub fn send(mut self) -> Result<Sent, SendError> {
         let sequence = self.outlet.sent.fetch_add(1, Ordering::Relaxed) + 1;

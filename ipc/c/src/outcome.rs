@@ -191,7 +191,8 @@ impl From<ReceiveError> for Failure {
 
 impl From<SendError> for Failure {
     fn from(error: SendError) -> Self {
-        Self::new(Outcome::Failed, error.to_string())
+        let outcome = if error == SendError::ProducerGone { Outcome::NotRunning } else { Outcome::Failed };
+        Self::new(outcome, error.to_string())
     }
 }
 

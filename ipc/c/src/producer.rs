@@ -57,7 +57,7 @@ pub unsafe extern "C" fn beo_producer_open(
     })
 }
 
-/// Closes a producer. Its loans stay valid until they are committed or abandoned.
+/// Closes a producer. Its loans stay writable, but can only be abandoned.
 #[unsafe(no_mangle)]
 pub extern "C" fn beo_producer_close(producer: *mut ProducerHandle) -> Outcome {
     guard(|| {
@@ -114,7 +114,8 @@ pub unsafe extern "C" fn beo_producer_loan(
 }
 
 /// Sends the grid and stores its number, which its percept repeats, in `*sequence`, which may be NULL. Never waits for a reader. The loan
-/// and its voxels end here, unless an error is returned.
+/// and its voxels end here, unless the header is refused with `BEO_STATUS_INVALID_ARGUMENT`. `BEO_STATUS_NOT_RUNNING` if the producer was
+/// closed, or let go of a daemon that went away, after the loan: the grid is lost.
 ///
 /// `header` says what the grid is and what is asked for; start from `beo_observation_header_init`; NULL stands for what that fills in.
 /// `producer_id` and `sequence` are filled in here, and `capture_ns` if it is 0: with the time of the loan.
