@@ -427,9 +427,9 @@ pub(crate) fn receive_error(error: iceoryx2::port::ReceiveError) -> ReceiveError
 /// How a wait for a wake-up ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Woken {
-    ByPeer,
-    ByTimeout,
-    BySignal,
+    Notified,
+    TimedOut,
+    Interrupted,
 }
 
 /// Waits for a wake-up, at most `timeout`.
@@ -437,9 +437,9 @@ pub(crate) fn wait(listener: &Listener<Ipc>, timeout: Duration) -> Result<Woken,
     // The system takes the timeout in microseconds, and 0 of them for "without end".
     let result = if timeout < Duration::from_micros(1) { listener.try_wait(|_| ()) } else { listener.timed_wait(|_| (), timeout) };
     match result {
-        Ok(0) => Ok(Woken::ByTimeout),
-        Ok(_) => Ok(Woken::ByPeer),
-        Err(iceoryx2::port::listener::ListenerWaitError::InterruptSignal) => Ok(Woken::BySignal),
+        Ok(0) => Ok(Woken::TimedOut),
+        Ok(_) => Ok(Woken::Notified),
+        Err(iceoryx2::port::listener::ListenerWaitError::InterruptSignal) => Ok(Woken::Interrupted),
         Err(error) => Err(WaitError(format!("{error:?}"))),
     }
 }

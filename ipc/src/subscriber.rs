@@ -82,7 +82,7 @@ impl Subscriber {
     /// # Errors
     /// [`WaitError`] if the event service is broken.
     pub fn wait(&self, timeout: Duration) -> Result<bool, WaitError> {
-        Ok(self.wait_for_wake_up(timeout)? == Woken::ByPeer)
+        Ok(self.wait_for_wake_up(timeout)? == Woken::Notified)
     }
 
     /// As [`Subscriber::wait`], but tells a timeout from a signal.

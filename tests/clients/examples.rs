@@ -10,10 +10,13 @@ use std::time::{Duration, Instant};
 
 const COUNT: usize = 3;
 
+/// Starts an example by name with arguments.
+type Start = Box<dyn Fn(&str, &[&str]) -> Running>;
+
 /// How the examples of one language are started.
 pub struct Examples {
     pub language: &'static str,
-    pub start: Box<dyn Fn(&str, &[&str]) -> Running>,
+    pub start: Start,
 }
 
 impl Examples {

@@ -1,7 +1,8 @@
 //! The Python examples with the official iceoryx2 wheel, in a virtual environment of their own.
 
 use crate::examples::Examples;
-use crate::toolchain::{repository, scratch, skip, start};
+use crate::harness::{RESOLUTION, instance, serve};
+use crate::toolchain::{await_message, finish, repository, scratch, skip, start};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
@@ -51,4 +52,26 @@ pub fn examples() -> Option<Examples> {
         start(python, ["-B".into(), source.into_os_string()].into_iter().chain(arguments))
     };
     Some(Examples { language: "Python", start: Box::new(start) })
+}
+
+#[test]
+fn query_completion_and_pose_are_recorded_for_rerun() {
+    let Some(python) = interpreter() else { return };
+    let has_rerun = Command::new(python).args(["-c", "import rerun"]).output().is_ok_and(|output| output.status.success());
+    if !has_rerun {
+        return skip("the recording for Rerun: rerun-sdk is not installed in BEO_CLIENTS_PYTHON");
+    }
+    let name = instance();
+    let _daemon = serve(&name);
+    let file = scratch("rerun").join("recording.rrd");
+    let _ = std::fs::remove_file(&file);
+    let examples = examples().expect("there is Python");
+    let recorder = (examples.start)("log_to_rerun", &[&name, "2", file.to_str().unwrap()]);
+    await_message(&recorder, "listening");
+    finish((examples.start)("camera", &[&name, "2", &RESOLUTION.to_string()]));
+    assert_eq!(finish(recorder), ["showed 2 percepts"]);
+    let recording = std::fs::read(&file).unwrap();
+    for entity in ["sensor/query/seen", "sensor/query/hidden", "sensor/completion/filled", "sensor/pose/0/axes", "class"] {
+        assert!(recording.windows(entity.len()).any(|bytes| bytes == entity.as_bytes()), "{entity} is not in the recording");
+    }
 }

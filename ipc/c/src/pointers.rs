@@ -28,7 +28,7 @@ fn null(name: &str) -> Failure {
 ///
 /// # Safety
 /// `pointer` is NULL or points to a NUL-terminated text that lives, unchanged, as long as the result is used.
-pub(crate) unsafe fn text<'a>(pointer: *const c_char, default: &'a str) -> Result<&'a str, Failure> {
+pub(crate) unsafe fn text(pointer: *const c_char, default: &str) -> Result<&str, Failure> {
     if pointer.is_null() {
         return Ok(default);
     }

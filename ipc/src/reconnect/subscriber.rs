@@ -88,9 +88,9 @@ impl ReconnectingSubscriber {
         loop {
             let left = timeout.map_or(Duration::MAX, |timeout| timeout.saturating_sub(start.elapsed()));
             match self.sleep(left.min(self.look.left()))? {
-                Woken::ByPeer => return Ok(Waited::Sent),
-                Woken::BySignal => return Ok(Waited::Interrupted),
-                Woken::ByTimeout => {}
+                Woken::Notified => return Ok(Waited::Sent),
+                Woken::Interrupted => return Ok(Waited::Interrupted),
+                Woken::TimedOut => {}
             }
             if self.look.is_due() {
                 self.look_after_the_daemon()?;
@@ -160,8 +160,8 @@ impl ReconnectingSubscriber {
         }
         let timeout = Timespec { tv_sec: at_most.as_secs() as i64, tv_nsec: at_most.subsec_nanos().into() };
         Ok(match rustix::event::poll(&mut [], Some(&timeout)) {
-            Err(Errno::INTR) => Woken::BySignal,
-            _ => Woken::ByTimeout,
+            Err(Errno::INTR) => Woken::Interrupted,
+            _ => Woken::TimedOut,
         })
     }
 
