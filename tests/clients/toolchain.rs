@@ -6,6 +6,7 @@ use std::ffi::OsStr;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::mpsc::Receiver;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// The folder of the repository.
@@ -23,11 +24,14 @@ pub fn has(program: &str) -> bool {
     Command::new(program).arg("--version").stdin(Stdio::null()).output().is_ok()
 }
 
-/// Runs a command to its end; its output, if it succeeds.
+/// Runs a command to its end, which must come and be a success; its output.
 pub fn run(mut command: Command) -> Output {
     command.stdin(Stdio::null());
     let what = format!("{command:?}");
-    let output = command.output().unwrap_or_else(|error| panic!("{what}: {error}"));
+    let mut running = Running::start(command);
+    let status = running.wait();
+    let all = |stream: Option<Receiver<String>>| stream.into_iter().flatten().collect::<Vec<_>>().join("\n").into_bytes();
+    let output = Output { status, stdout: all(running.stdout.take()), stderr: all(running.stderr.take()) };
     assert!(output.status.success(), "{what}\n{}\n{}", text(&output.stdout), text(&output.stderr));
     output
 }
@@ -124,7 +128,7 @@ pub fn start<S: AsRef<OsStr>>(program: &Path, arguments: impl IntoIterator<Item 
 /// Waits for the end of a program, which must succeed; what it printed since the last look.
 pub fn finish(mut running: Running) -> Vec<String> {
     let status = running.wait();
-    let rest = |stream: Option<std::sync::mpsc::Receiver<String>>| -> Vec<String> { stream.into_iter().flatten().collect() };
+    let rest = |stream: Option<Receiver<String>>| -> Vec<String> { stream.into_iter().flatten().collect() };
     let (lines, messages) = (rest(running.stdout.take()), rest(running.stderr.take()));
     assert!(status.success(), "{status}: {}", messages.join("\n"));
     lines
