@@ -9,7 +9,8 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::{
-    AllocationStrategy, AttributeSet, AttributeSpecifier, CallbackProgression, IceoryxSend, Node, PortFactory as _, ZeroCopySend,
+    AllocationStrategy, AttributeSet, AttributeSpecifier, CallbackProgression, IceoryxSend, MessagingPattern, Node, PortFactory as _,
+    Service as _, ZeroCopySend,
 };
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
 use iceoryx2::service::builder::publish_subscribe::{Builder, PublishSubscribeCreateError, PublishSubscribeOpenError};
@@ -386,6 +387,20 @@ pub(crate) fn daemon_runs(service: &PerceptService) -> bool {
     service.dynamic_config().number_of_publishers() > 0
 }
 
+/// Whether the process of the daemon that publishes percepts is gone without having cleaned up. A daemon in another process namespace can
+/// be taken for gone: to be used only to decide when to look closely.
+pub(crate) fn daemon_seems_dead(service: &PerceptService) -> bool {
+    daemon_pid(service)
+        .and_then(|pid| rustix::process::Pid::from_raw(pid.cast_signed()))
+        .is_some_and(|pid| matches!(rustix::process::test_kill_process(pid), Err(rustix::io::Errno::SRCH)))
+}
+
+/// Whether the services of an instance exist: cheaper than trying to open them.
+pub(crate) fn exists(instance: &InstanceName) -> Result<bool, OpenError> {
+    let name = instance.percept();
+    Ipc::does_exist(&service_name(&name)?, &crate::node::config(), MessagingPattern::PublishSubscribe).map_err(|error| failed(&name, error))
+}
+
 pub(crate) fn loan_error(error: iceoryx2::port::LoanError, asked: usize, possible: usize) -> LoanError {
     use iceoryx2::port::LoanError as E;
     match error {
@@ -396,7 +411,10 @@ pub(crate) fn loan_error(error: iceoryx2::port::LoanError, asked: usize, possibl
 }
 
 pub(crate) fn send_error(error: iceoryx2::port::SendError) -> SendError {
-    SendError::Failed(format!("{error:?}"))
+    match error {
+        iceoryx2::port::SendError::ConnectionBrokenSinceSenderNoLongerExists => SendError::ProducerGone,
+        error => SendError::Failed(format!("{error:?}")),
+    }
 }
 
 pub(crate) fn receive_error(error: iceoryx2::port::ReceiveError) -> ReceiveError {
@@ -406,11 +424,22 @@ pub(crate) fn receive_error(error: iceoryx2::port::ReceiveError) -> ReceiveError
     }
 }
 
-/// Waits for a wake-up: true if one came, false after `timeout` or when a signal interrupted.
-pub(crate) fn wait(listener: &Listener<Ipc>, timeout: Duration) -> Result<bool, WaitError> {
-    match listener.timed_wait(|_| (), timeout) {
-        Ok(wake_ups) => Ok(wake_ups > 0),
-        Err(iceoryx2::port::listener::ListenerWaitError::InterruptSignal) => Ok(false),
+/// How a wait for a wake-up ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Woken {
+    Notified,
+    TimedOut,
+    Interrupted,
+}
+
+/// Waits for a wake-up, at most `timeout`.
+pub(crate) fn wait(listener: &Listener<Ipc>, timeout: Duration) -> Result<Woken, WaitError> {
+    // The system takes the timeout in microseconds, and 0 of them for "without end".
+    let result = if timeout < Duration::from_micros(1) { listener.try_wait(|_| ()) } else { listener.timed_wait(|_| (), timeout) };
+    match result {
+        Ok(0) => Ok(Woken::TimedOut),
+        Ok(_) => Ok(Woken::Notified),
+        Err(iceoryx2::port::listener::ListenerWaitError::InterruptSignal) => Ok(Woken::Interrupted),
         Err(error) => Err(WaitError(format!("{error:?}"))),
     }
 }

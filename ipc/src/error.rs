@@ -135,6 +135,9 @@ pub enum SendError {
     /// There was no memory to send it in.
     #[error(transparent)]
     Loan(#[from] LoanError),
+    /// The producer that it was loaned from is gone: closed, or let go because its daemon was gone.
+    #[error("the producer was closed, or its daemon went away, after this was loaned: it is lost, loan anew")]
+    ProducerGone,
     /// Anything else, in iceoryx2's words.
     #[error("cannot send a sample: {0}")]
     Failed(String),
@@ -164,6 +167,27 @@ pub enum ReceiveError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("cannot wait for an event: {0}")]
 pub struct WaitError(pub(crate) String);
+
+/// Why a reconnecting role failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReconnectError {
+    /// It could not be connected (again).
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// Waiting failed.
+    #[error(transparent)]
+    Wait(#[from] WaitError),
+    /// No memory could be loaned.
+    #[error(transparent)]
+    Loan(#[from] LoanError),
+    /// Nothing could be received.
+    #[error(transparent)]
+    Receive(#[from] ReceiveError),
+    /// The descriptor for the caller's own `poll` could not be made.
+    #[error("cannot make a file descriptor to poll ({0}): see `ulimit -n`")]
+    Descriptor(#[from] std::io::Error),
+}
 
 /// Calls `open` until it succeeds, fails for another reason than that the daemon is not there, or `timeout` has passed.
 pub(crate) fn retry_within<T>(timeout: Duration, mut open: impl FnMut() -> Result<T, OpenError>) -> Result<T, OpenError> {

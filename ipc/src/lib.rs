@@ -1,6 +1,7 @@
 //! Channels of the beo daemon over shared memory (iceoryx2): message layouts, service names, and the three roles.
 //!
 //! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends
+//! - [`reconnect`]: the same two clients' ends, outliving the daemon
 //! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data
 //!   and as a hash; [`text`]: its text fields; [`clock`]: its stamps
 //! - [`validate`]: which observations are refused, and why
@@ -25,6 +26,7 @@ pub mod names;
 pub mod node;
 mod orphans;
 mod producer;
+pub mod reconnect;
 mod server;
 mod shared;
 mod subscriber;
@@ -32,10 +34,11 @@ pub mod text;
 pub mod validate;
 
 pub use codes::{CompletionFrame, Method, Outside, PerceptStatus, PoseSearch, View, tasks};
-pub use error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
+pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 pub use messages::{ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, ObservationHeader, Percept, Status};
 pub use names::{InstanceName, InstanceNameError};
 pub use producer::{Loan, Producer, Sent};
+pub use reconnect::{ReconnectingProducer, ReconnectingSubscriber, Waited};
 pub use server::{CompletionLoan, Observation, Server, ServerOptions};
 pub use subscriber::{Completion, Subscriber, SubscriberOptions};
 pub use validate::Refusal;

@@ -50,6 +50,11 @@ impl Producer {
     /// # Errors
     /// [`OpenError::NotRunning`] before the daemon runs; see [`OpenError`] for the rest.
     pub fn open(instance: &InstanceName, template: &ObservationHeader) -> Result<Self, OpenError> {
+        Self::open_as(instance, &ObservationHeader { producer_id: unique_id(), ..*template }, 0)
+    }
+
+    /// As [`Producer::open`], but under the template's `producer_id`, with `sent` observations already counted.
+    pub(crate) fn open_as(instance: &InstanceName, template: &ObservationHeader, sent: u64) -> Result<Self, OpenError> {
         let voxels = voxel_count(template.dims).ok_or(OpenError::BadDims(template.dims))?;
         let node = node::create("producer", instance)?;
         let percept = channel::open_percept(&node, instance)?;
@@ -63,8 +68,14 @@ impl Producer {
         require_shared_memory(publisher_bytes(chunks, voxels))?;
         let publisher = channel::create_slice_publisher(&observation, chunks, voxels)?;
         let observed = channel::create_notifier(&channel::open_event(&node, instance, &instance.observed())?)?;
-        let template = ObservationHeader { producer_id: unique_id(), ..*template };
-        Ok(Self { publisher, outlet: Arc::new(Outlet { observed, sent: AtomicU64::new(0) }), template, voxels, percept, node })
+        Ok(Self {
+            publisher,
+            outlet: Arc::new(Outlet { observed, sent: AtomicU64::new(sent) }),
+            template: *template,
+            voxels,
+            percept,
+            node,
+        })
     }
 
     /// As [`Producer::open`], but waits up to `timeout` for the daemon.
@@ -93,6 +104,11 @@ impl Producer {
     /// Whether a daemon is there to read. One that was killed counts until someone has cleaned up after it: see [`Producer::maintain`].
     pub fn daemon_runs(&self) -> bool {
         channel::daemon_runs(&self.percept)
+    }
+
+    /// Whether the daemon's process is gone without having said so.
+    pub(crate) fn daemon_seems_dead(&self) -> bool {
+        channel::daemon_seems_dead(&self.percept)
     }
 
     /// Memory for one grid, to be written in place. Its header is the template with `capture_ns` set to now.
@@ -154,6 +170,7 @@ impl Loan {
     /// Sends the grid and wakes the daemon. Never waits for a reader.
     ///
     /// # Errors
+    /// [`SendError::ProducerGone`] if the producer was dropped since;
     /// [`SendError::Failed`] if iceoryx2 could not deliver it.
     pub fn send(mut self) -> Result<Sent, SendError> {
         let sequence = self.outlet.sent.fetch_add(1, Ordering::Relaxed) + 1;

@@ -145,7 +145,7 @@ impl Server {
     /// # Errors
     /// [`WaitError`] if the event service is broken.
     pub fn wait(&self, timeout: Duration) -> Result<bool, WaitError> {
-        channel::wait(&self.observed, timeout)
+        Ok(channel::wait(&self.observed, timeout)? == channel::Woken::Notified)
     }
 
     /// The next observation of any producer; those of one producer come in its order. 16 of each producer wait (fewer if they are big: 2 at

@@ -1,10 +1,12 @@
-//! All the `unsafe` of this crate: the borders between shared memory and Rust's rules.
+//! All the `unsafe` of this crate: the borders between shared memory or file descriptors and Rust's rules.
 
 #![allow(unsafe_code)]
 
 use std::mem::MaybeUninit;
+use std::os::fd::BorrowedFd;
 
-use iceoryx2::prelude::ZeroCopySend;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::prelude::{FileDescriptorBased as _, ZeroCopySend};
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 
@@ -27,4 +29,10 @@ pub(crate) fn with_old_content<Header: ZeroCopySend + std::fmt::Debug>(
     // SAFETY: the bytes lie in a POSIX shared-memory object, which the kernel hands out zeroed, and hold whatever was stored there since:
     // memory from outside the abstract machine, never uninitialised, and every value of a byte is a valid u8.
     unsafe { loan.assume_init() }
+}
+
+/// The socket of a listener, for as long as the listener lives.
+pub(crate) fn descriptor_of(listener: &Listener<Ipc>) -> BorrowedFd<'_> {
+    // SAFETY: the descriptor is open as long as its listener, which the borrow keeps alive; nobody closes it by hand.
+    unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) }
 }

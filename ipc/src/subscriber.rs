@@ -1,5 +1,6 @@
 //! The end of whoever wants to know: percepts, completions and the daemon's status.
 
+use std::os::fd::BorrowedFd;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -9,12 +10,12 @@ use iceoryx2::prelude::Node;
 use iceoryx2::sample::Sample;
 
 use crate::InstanceName;
-use crate::channel::{self, PerceptService};
+use crate::channel::{self, PerceptService, Woken};
 use crate::error::{OpenError, ReceiveError, WaitError, retry_within};
 use crate::limits::voxel_count;
 use crate::messages::{CompletionHeader, Percept, Status};
 use crate::node::{self, Ipc};
-use crate::shared::copy_of;
+use crate::shared::{copy_of, descriptor_of};
 
 /// What to subscribe to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -81,7 +82,18 @@ impl Subscriber {
     /// # Errors
     /// [`WaitError`] if the event service is broken.
     pub fn wait(&self, timeout: Duration) -> Result<bool, WaitError> {
+        Ok(self.wait_for_wake_up(timeout)? == Woken::Notified)
+    }
+
+    /// As [`Subscriber::wait`], but tells a timeout from a signal.
+    pub(crate) fn wait_for_wake_up(&self, timeout: Duration) -> Result<Woken, WaitError> {
         channel::wait(&self.perceived, timeout)
+    }
+
+    /// For the caller's own `poll` or `epoll`: readable once the daemon has sent something, until [`Subscriber::wait`] has taken the
+    /// wake-up. Closed with this subscriber.
+    pub fn file_descriptor(&self) -> BorrowedFd<'_> {
+        descriptor_of(&self.perceived)
     }
 
     /// The oldest percept not yet taken.

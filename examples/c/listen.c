@@ -1,0 +1,72 @@
+/* A robot's process: prints class, pose and latency of what the daemon perceives.
+ *
+ *     listen [INSTANCE] [COUNT]
+ *
+ * INSTANCE: of the daemon (default); COUNT: percepts to print (without end).
+ */
+
+#include <beo.h>
+#include <limits.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+/* The names of the classes come with the daemon's status; the first one is there within about a second. */
+static const char *class_name(const beo_percept *percept, beo_subscriber *subscriber) {
+    static beo_daemon_status status;
+    while (beo_subscriber_status(subscriber, &status, NULL) == BEO_STATUS_EMPTY) {
+        beo_subscriber_wait(subscriber, 50);
+    }
+    return status.model_id == percept->model_id ? (const char *)status.class_names[percept->class_index] : "?";
+}
+
+static void print(const beo_percept *percept, beo_subscriber *subscriber) {
+    const unsigned long long number = percept->sequence;
+    const double latency_us = (double)(beo_monotonic_ns() - percept->capture_ns) / 1e3;
+    if (percept->status != BEO_PERCEPT_STATUS_OK || percept->class_index >= BEO_MAX_CLASSES) {
+        printf("#%llu refused: %.128s\n", number, (const char *)percept->explanation);
+        return;
+    }
+    printf("#%llu %.32s %.1f %%, ", number, class_name(percept, subscriber), 100.0 * (double)percept->posterior[percept->class_index]);
+    if (percept->hypothesis_count > 0) {
+        const float *q = percept->hypotheses[0].rotation_object_to_grid;
+        printf("rotation (%.3f, %.3f, %.3f, %.3f), spread %.1f deg, ", (double)q[0], (double)q[1], (double)q[2], (double)q[3],
+               (double)percept->rotation_spread_rad * 57.29577951308232);
+    }
+    printf("%.0f us\n", latency_us);
+}
+
+int main(int argc, char **argv) {
+    const char *instance = argc > 1 ? argv[1] : NULL;
+    const unsigned long count = argc > 2 ? strtoul(argv[2], NULL, 10) : ULONG_MAX;
+
+    beo_subscriber_options options = BEO_SUBSCRIBER_OPTIONS_INIT;
+    options.wait_ms = 10000;
+    beo_subscriber *subscriber;
+    if (beo_subscriber_open(instance, &options, &subscriber) != BEO_STATUS_OK) {
+        fprintf(stderr, "listen: %s\n", beo_last_error());
+        return 1;
+    }
+    fprintf(stderr, "listening\n");
+
+    unsigned long heard = 0;
+    beo_status status = BEO_STATUS_OK;
+    while (heard < count && status >= 0) {
+        /* A timeout, or a daemon that is away, is no reason to end: waiting also connects to the next daemon. */
+        status = beo_subscriber_wait(subscriber, 500);
+        if (status == BEO_STATUS_NOT_RUNNING) {
+            fprintf(stderr, "waiting for the daemon\n");
+        }
+        beo_percept percept;
+        while (heard < count && status >= 0 && (status = beo_subscriber_take_percept(subscriber, &percept)) == BEO_STATUS_OK) {
+            print(&percept, subscriber);
+            fflush(stdout);
+            heard++;
+        }
+    }
+    if (status < 0) {
+        fprintf(stderr, "listen: %s\n", beo_last_error());
+    }
+    beo_subscriber_close(subscriber);
+    return status < 0;
+}

@@ -1,0 +1,201 @@
+"""Reading and writing the channels of the beo perception daemon with the official iceoryx2 package: nothing of beo is installed.
+
+Needs `iceoryx2==0.10.0` (exactly the daemon's version) and NumPy. Arrays are views of shared memory, without a copy: each keeps its
+sample alive, and a subscriber can hold two samples of a channel at a time. Copy what you want to keep (`array.copy()`).
+"""
+
+import ctypes
+import secrets
+import time
+
+import iceoryx2 as iox2
+import numpy as np
+
+import beo_messages as messages
+
+
+def monotonic_ns():
+    """The clock of all stamps."""
+    return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+
+
+def text(field):
+    """A text field of a message: UTF-8, padded with NUL."""
+    return bytes(field).split(b"\0", 1)[0].decode(errors="replace")
+
+
+def set_text(field, value):
+    """Sets a text field of a message; what does not fit is cut off."""
+    size = len(field)
+    field[:] = value.encode()[:size].ljust(size, b"\0")
+
+
+class NotRunning(RuntimeError):
+    """No daemon serves the instance (yet): try again."""
+
+
+def within(timeout_s, make):
+    """What `make()` gives, called again until a daemon is there or the time is up."""
+    end = time.monotonic() + timeout_s
+    while True:
+        try:
+            return make()
+        except NotRunning:
+            if time.monotonic() >= end:
+                raise
+        time.sleep(0.02)
+
+
+class _Peer:
+    """Joins the channels of one instance."""
+
+    def __init__(self, instance):
+        self.instance = instance
+        # An explicit configuration: the default one depends on the working directory. No signal handlers: Ctrl-C stays Python's.
+        builder = iox2.NodeBuilder.new().config(iox2.config.default()).signal_handling_mode(iox2.SignalHandlingMode.Disabled)
+        self.node = builder.create(iox2.ServiceType.Ipc)
+
+    def _name(self, channel):
+        return iox2.ServiceName.new(f"beo/{self.instance}/{channel}")
+
+    def _service(self, channel, payload, header=None):
+        builder = self.node.service_builder(self._name(channel)).publish_subscribe(payload)
+        if header is not None:
+            builder = builder.user_header(header)
+        service = self._open(builder)
+        layout = [value.to_string() for key, value in _attributes(service) if key == "beo.layout"]
+        if layout != [messages.LAYOUTS[channel]]:
+            raise RuntimeError(f"`{channel}` has the layout {layout}, beo_messages.py has {messages.LAYOUTS[channel]}: use the daemon's version")
+        return service
+
+    def _event(self, channel):
+        return self._open(self.node.service_builder(self._name(channel)).event())
+
+    def _open(self, builder):
+        try:
+            return builder.open()
+        except (iox2.PublishSubscribeOpenError, iox2.EventOpenError) as error:
+            if any(word in str(error) for word in ("DoesNotExist", "IsMarkedForDestruction", "HangsInCreation")):
+                raise NotRunning(f"no daemon serves the instance `{self.instance}`: start `beo serve --instance {self.instance}`") from error
+            raise
+
+    def _require_daemon(self, percept_service):
+        if percept_service.dynamic_config.number_of_publishers == 0:
+            raise NotRunning(f"no daemon serves the instance `{self.instance}`: start `beo serve --instance {self.instance}`")
+
+
+class Completion:
+    """A completed grid: `header`, and `occupancy` and `deviation` as uint8 arrays [x][y][z] in shared memory, each value × 255."""
+
+    def __init__(self, sample):
+        self.header = messages.CompletionHeader.from_buffer_copy(sample.user_header().contents)
+        payload = _view(sample.payload(), sample)
+        self.occupancy, self.deviation = payload.reshape(2, *self.header.dims)
+
+
+class Subscriber(_Peer):
+    """Reads percepts, completions and the status of a daemon."""
+
+    def __init__(self, instance="default", completion=False):
+        super().__init__(instance)
+        percepts = self._service("percept", messages.Percept)
+        self._require_daemon(percepts)
+        self.listener = self._event("perceived").listener_builder().create()
+        self.percepts = percepts.subscriber_builder().create()
+        self.statuses = self._service("status", messages.Status).subscriber_builder().create()
+        self.completions = None
+        if completion:
+            service = self._service("completion", iox2.Slice[ctypes.c_uint8], messages.CompletionHeader)
+            self.completions = service.subscriber_builder().create()
+        self.last_status = None
+
+    def wait(self, timeout_s):
+        """Waits until the daemon has sent something: True if it has. Then take everything."""
+        return bool(self.listener.timed_wait(iox2.Duration.from_secs_f64(timeout_s)))
+
+    def take_percept(self):
+        """A copy of the oldest percept not yet taken, or None."""
+        sample = self.percepts.receive()
+        return sample and messages.Percept.from_buffer_copy(sample.payload().contents)
+
+    def take_completion(self):
+        """The oldest completion not yet taken, in place, or None."""
+        sample = self.completions.receive()
+        return sample and Completion(sample)
+
+    def status(self):
+        """A copy of the newest status, or None before the first, which comes within about a second."""
+        while (sample := self.statuses.receive()) is not None:
+            self.last_status = messages.Status.from_buffer_copy(sample.payload().contents)
+        return self.last_status
+
+    def class_name(self, percept):
+        """The name of a percept's class."""
+        while (status := self.status()) is None:
+            self.wait(0.05)
+        return text(status.class_names[percept.class_index]) if status.model_id == percept.model_id else "?"
+
+    def maintain(self):
+        """Cleans up after a daemon that was killed; to be called when nothing has come for some seconds."""
+        self.node.try_cleanup_dead_nodes()
+
+
+class Loan:
+    """Memory for one grid: `voxels` is a uint8 array [x][y][z] in shared memory, to be written in place; then `send()`."""
+
+    def __init__(self, producer, sample):
+        self._producer, self._sample = producer, sample
+        self.header = sample.user_header().contents
+        # The whole header at once: what is not set would be what the memory held before.
+        ctypes.memmove(ctypes.byref(self.header), ctypes.byref(producer.header), ctypes.sizeof(self.header))
+        self.header.capture_ns = monotonic_ns()
+        self.voxels = _view(sample.payload(), sample).reshape(*producer.header.dims)
+
+    def send(self):
+        """Sends it, wakes the daemon, and gives its number. Never waits. Views of the voxels end here."""
+        producer = self._producer
+        producer.sent += 1
+        self.header.sequence = sequence = producer.sent
+        sample, self._sample, self.header, self.voxels = self._sample, None, None, None
+        sample.assume_init().send()
+        producer.notifier.notify()
+        return sequence
+
+
+class Producer(_Peer):
+    """Writes observations of one size. Every loan starts with a copy of `header`, which can be changed at any time."""
+
+    def __init__(self, instance, dims):
+        super().__init__(instance)
+        self._require_daemon(self._service("percept", messages.Percept))
+        service = self._service("observation", iox2.Slice[ctypes.c_uint8], messages.ObservationHeader)
+        self.voxel_count = int(np.prod(dims))
+        builder = service.publisher_builder().initial_max_slice_len(self.voxel_count).max_loaned_samples(2)
+        self.publisher = builder.allocation_strategy(iox2.AllocationStrategy.Static).create()
+        self.notifier = self._event("observed").notifier_builder().create()
+        self.sent = 0
+        self.header = messages.ObservationHeader(
+            abi_version=messages.ABI_VERSION,
+            producer_id=secrets.randbits(64) or 1,
+            orientation=(0.0, 0.0, 0.0, 1.0),
+            voxel_size_m=1.0,
+            dims=tuple(dims),
+            tasks=messages.TASK_CLASS | messages.TASK_COMPLETION,
+            rotation_prior=(0.0, 0.0, 0.0, 1.0),
+        )
+
+    def loan(self):
+        """Memory for one grid. Write every voxel: 0 empty, 1 filled, 255 unknown."""
+        return Loan(self, self.publisher.loan_slice_uninit(self.voxel_count))
+
+
+def _attributes(service):
+    attributes = service.attributes
+    return [(attribute.key.to_string(), attribute.value) for attribute in attributes.values]
+
+
+def _view(payload, sample):
+    array = (ctypes.c_uint8 * payload.len()).from_address(payload.as_ptr())
+    # The NumPy array keeps `array` alive, and `array` the sample.
+    array._sample = sample
+    return np.frombuffer(array, dtype=np.uint8)

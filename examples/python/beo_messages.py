@@ -1,0 +1,309 @@
+"""The messages of the beo perception daemon as ctypes structures, exactly as they lie in shared memory.
+
+Generated from the Rust sources: do not edit. What the fields mean is said in ipc/src/messages.rs and in ipc/include/beo.h.
+"""
+
+import ctypes
+import enum
+
+ABI_VERSION = 1
+NO_CLASS = 4294967295
+TASK_CLASS, TASK_POSE, TASK_COMPLETION = 1, 2, 4
+
+
+class PerceptStatus(enum.IntEnum):
+    OK = 0
+    BAD_DIMS = 1
+    DIMS_NOT_OF_MODEL = 2
+    BAD_VOXEL = 3
+    BAD_HEADER = 4
+    UNKNOWN_VERSION = 5
+    POSE_SEARCH_NOT_SUPPORTED = 6
+    INTERNAL = 7
+
+
+class PoseSearch(enum.IntEnum):
+    KNOWN = 0
+    YAW = 1
+    FULL = 2
+
+
+class CompletionFrame(enum.IntEnum):
+    GRID = 0
+    OBJECT = 1
+
+
+class Outside(enum.IntEnum):
+    EMPTY = 0
+    UNKNOWN = 1
+
+
+class View(enum.IntEnum):
+    UNSPECIFIED = 0
+    TOP_DOWN = 1
+
+
+class Method(enum.IntEnum):
+    NONE = 0
+    AUTO = 1
+    MEAN = 2
+    PAPER = 3
+    EVIDENCE = 4
+    HULL = 5
+
+
+class ObservationHeader(ctypes.Structure):
+    _fields_ = [
+        ("abi_version", ctypes.c_uint32),
+        ("pose_search", ctypes.c_uint32),
+        ("producer_id", ctypes.c_uint64),
+        ("object_id", ctypes.c_uint64),
+        ("sequence", ctypes.c_uint64),
+        ("capture_ns", ctypes.c_uint64),
+        ("sensor_stamp_ns", ctypes.c_uint64),
+        ("deadline_ns", ctypes.c_uint64),
+        ("position_m", ctypes.c_double * 3),
+        ("orientation", ctypes.c_double * 4),
+        ("voxel_size_m", ctypes.c_float),
+        ("dims", ctypes.c_uint32 * 3),
+        ("tasks", ctypes.c_uint32),
+        ("completion_frame", ctypes.c_uint32),
+        ("outside", ctypes.c_uint32),
+        ("view", ctypes.c_uint32),
+        ("frame_id", ctypes.c_uint8 * 32),
+        ("continued_object_id", ctypes.c_uint64),
+        ("continues", ctypes.c_uint32),
+        ("rotation_prior_concentration", ctypes.c_float),
+        ("rotation_prior", ctypes.c_float * 4),
+        ("reserved", ctypes.c_uint8 * 32),
+    ]
+
+    @staticmethod
+    def type_name():
+        return "beo.v1.ObservationHeader"
+
+
+assert ctypes.sizeof(ObservationHeader) == 240
+assert ObservationHeader.abi_version.offset == 0 and ObservationHeader.abi_version.size == 4
+assert ObservationHeader.pose_search.offset == 4 and ObservationHeader.pose_search.size == 4
+assert ObservationHeader.producer_id.offset == 8 and ObservationHeader.producer_id.size == 8
+assert ObservationHeader.object_id.offset == 16 and ObservationHeader.object_id.size == 8
+assert ObservationHeader.sequence.offset == 24 and ObservationHeader.sequence.size == 8
+assert ObservationHeader.capture_ns.offset == 32 and ObservationHeader.capture_ns.size == 8
+assert ObservationHeader.sensor_stamp_ns.offset == 40 and ObservationHeader.sensor_stamp_ns.size == 8
+assert ObservationHeader.deadline_ns.offset == 48 and ObservationHeader.deadline_ns.size == 8
+assert ObservationHeader.position_m.offset == 56 and ObservationHeader.position_m.size == 24
+assert ObservationHeader.orientation.offset == 80 and ObservationHeader.orientation.size == 32
+assert ObservationHeader.voxel_size_m.offset == 112 and ObservationHeader.voxel_size_m.size == 4
+assert ObservationHeader.dims.offset == 116 and ObservationHeader.dims.size == 12
+assert ObservationHeader.tasks.offset == 128 and ObservationHeader.tasks.size == 4
+assert ObservationHeader.completion_frame.offset == 132 and ObservationHeader.completion_frame.size == 4
+assert ObservationHeader.outside.offset == 136 and ObservationHeader.outside.size == 4
+assert ObservationHeader.view.offset == 140 and ObservationHeader.view.size == 4
+assert ObservationHeader.frame_id.offset == 144 and ObservationHeader.frame_id.size == 32
+assert ObservationHeader.continued_object_id.offset == 176 and ObservationHeader.continued_object_id.size == 8
+assert ObservationHeader.continues.offset == 184 and ObservationHeader.continues.size == 4
+assert ObservationHeader.rotation_prior_concentration.offset == 188 and ObservationHeader.rotation_prior_concentration.size == 4
+assert ObservationHeader.rotation_prior.offset == 192 and ObservationHeader.rotation_prior.size == 16
+assert ObservationHeader.reserved.offset == 208 and ObservationHeader.reserved.size == 32
+
+
+class Hypothesis(ctypes.Structure):
+    _fields_ = [
+        ("rotation_object_to_grid", ctypes.c_float * 4),
+        ("class_index", ctypes.c_uint32),
+        ("probability", ctypes.c_float),
+    ]
+
+    @staticmethod
+    def type_name():
+        return "beo.v1.Hypothesis"
+
+
+assert ctypes.sizeof(Hypothesis) == 24
+assert Hypothesis.rotation_object_to_grid.offset == 0 and Hypothesis.rotation_object_to_grid.size == 16
+assert Hypothesis.class_index.offset == 16 and Hypothesis.class_index.size == 4
+assert Hypothesis.probability.offset == 20 and Hypothesis.probability.size == 4
+
+
+class Percept(ctypes.Structure):
+    _fields_ = [
+        ("abi_version", ctypes.c_uint32),
+        ("status", ctypes.c_uint32),
+        ("daemon_id", ctypes.c_uint64),
+        ("model_id", ctypes.c_uint64),
+        ("producer_id", ctypes.c_uint64),
+        ("object_id", ctypes.c_uint64),
+        ("sequence", ctypes.c_uint64),
+        ("detail", ctypes.c_uint64),
+        ("capture_ns", ctypes.c_uint64),
+        ("sensor_stamp_ns", ctypes.c_uint64),
+        ("received_ns", ctypes.c_uint64),
+        ("classified_ns", ctypes.c_uint64),
+        ("posed_ns", ctypes.c_uint64),
+        ("completed_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("position_m", ctypes.c_double * 3),
+        ("orientation", ctypes.c_double * 4),
+        ("voxel_size_m", ctypes.c_float),
+        ("dims", ctypes.c_uint32 * 3),
+        ("frame_id", ctypes.c_uint8 * 32),
+        ("method", ctypes.c_uint32),
+        ("class_count", ctypes.c_uint32),
+        ("class_index", ctypes.c_uint32),
+        ("hypothesis_count", ctypes.c_uint32),
+        ("rotation_spread_rad", ctypes.c_float),
+        ("tasks", ctypes.c_uint32),
+        ("posterior", ctypes.c_float * 64),
+        ("log_evidence", ctypes.c_float * 64),
+        ("hypotheses", Hypothesis * 8),
+        ("explanation", ctypes.c_uint8 * 128),
+        ("reserved", ctypes.c_uint8 * 64),
+    ]
+
+    @staticmethod
+    def type_name():
+        return "beo.v1.Percept"
+
+
+assert ctypes.sizeof(Percept) == 1136
+assert Percept.abi_version.offset == 0 and Percept.abi_version.size == 4
+assert Percept.status.offset == 4 and Percept.status.size == 4
+assert Percept.daemon_id.offset == 8 and Percept.daemon_id.size == 8
+assert Percept.model_id.offset == 16 and Percept.model_id.size == 8
+assert Percept.producer_id.offset == 24 and Percept.producer_id.size == 8
+assert Percept.object_id.offset == 32 and Percept.object_id.size == 8
+assert Percept.sequence.offset == 40 and Percept.sequence.size == 8
+assert Percept.detail.offset == 48 and Percept.detail.size == 8
+assert Percept.capture_ns.offset == 56 and Percept.capture_ns.size == 8
+assert Percept.sensor_stamp_ns.offset == 64 and Percept.sensor_stamp_ns.size == 8
+assert Percept.received_ns.offset == 72 and Percept.received_ns.size == 8
+assert Percept.classified_ns.offset == 80 and Percept.classified_ns.size == 8
+assert Percept.posed_ns.offset == 88 and Percept.posed_ns.size == 8
+assert Percept.completed_ns.offset == 96 and Percept.completed_ns.size == 8
+assert Percept.published_ns.offset == 104 and Percept.published_ns.size == 8
+assert Percept.position_m.offset == 112 and Percept.position_m.size == 24
+assert Percept.orientation.offset == 136 and Percept.orientation.size == 32
+assert Percept.voxel_size_m.offset == 168 and Percept.voxel_size_m.size == 4
+assert Percept.dims.offset == 172 and Percept.dims.size == 12
+assert Percept.frame_id.offset == 184 and Percept.frame_id.size == 32
+assert Percept.method.offset == 216 and Percept.method.size == 4
+assert Percept.class_count.offset == 220 and Percept.class_count.size == 4
+assert Percept.class_index.offset == 224 and Percept.class_index.size == 4
+assert Percept.hypothesis_count.offset == 228 and Percept.hypothesis_count.size == 4
+assert Percept.rotation_spread_rad.offset == 232 and Percept.rotation_spread_rad.size == 4
+assert Percept.tasks.offset == 236 and Percept.tasks.size == 4
+assert Percept.posterior.offset == 240 and Percept.posterior.size == 256
+assert Percept.log_evidence.offset == 496 and Percept.log_evidence.size == 256
+assert Percept.hypotheses.offset == 752 and Percept.hypotheses.size == 192
+assert Percept.explanation.offset == 944 and Percept.explanation.size == 128
+assert Percept.reserved.offset == 1072 and Percept.reserved.size == 64
+
+
+class CompletionHeader(ctypes.Structure):
+    _fields_ = [
+        ("abi_version", ctypes.c_uint32),
+        ("frame", ctypes.c_uint32),
+        ("daemon_id", ctypes.c_uint64),
+        ("model_id", ctypes.c_uint64),
+        ("producer_id", ctypes.c_uint64),
+        ("object_id", ctypes.c_uint64),
+        ("sequence", ctypes.c_uint64),
+        ("capture_ns", ctypes.c_uint64),
+        ("sensor_stamp_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("position_m", ctypes.c_double * 3),
+        ("orientation", ctypes.c_double * 4),
+        ("voxel_size_m", ctypes.c_float),
+        ("dims", ctypes.c_uint32 * 3),
+        ("frame_id", ctypes.c_uint8 * 32),
+        ("rotation_object_to_grid", ctypes.c_float * 4),
+        ("class_index", ctypes.c_uint32),
+        ("method", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint8 * 64),
+    ]
+
+    @staticmethod
+    def type_name():
+        return "beo.v1.CompletionHeader"
+
+
+assert ctypes.sizeof(CompletionHeader) == 264
+assert CompletionHeader.abi_version.offset == 0 and CompletionHeader.abi_version.size == 4
+assert CompletionHeader.frame.offset == 4 and CompletionHeader.frame.size == 4
+assert CompletionHeader.daemon_id.offset == 8 and CompletionHeader.daemon_id.size == 8
+assert CompletionHeader.model_id.offset == 16 and CompletionHeader.model_id.size == 8
+assert CompletionHeader.producer_id.offset == 24 and CompletionHeader.producer_id.size == 8
+assert CompletionHeader.object_id.offset == 32 and CompletionHeader.object_id.size == 8
+assert CompletionHeader.sequence.offset == 40 and CompletionHeader.sequence.size == 8
+assert CompletionHeader.capture_ns.offset == 48 and CompletionHeader.capture_ns.size == 8
+assert CompletionHeader.sensor_stamp_ns.offset == 56 and CompletionHeader.sensor_stamp_ns.size == 8
+assert CompletionHeader.published_ns.offset == 64 and CompletionHeader.published_ns.size == 8
+assert CompletionHeader.position_m.offset == 72 and CompletionHeader.position_m.size == 24
+assert CompletionHeader.orientation.offset == 96 and CompletionHeader.orientation.size == 32
+assert CompletionHeader.voxel_size_m.offset == 128 and CompletionHeader.voxel_size_m.size == 4
+assert CompletionHeader.dims.offset == 132 and CompletionHeader.dims.size == 12
+assert CompletionHeader.frame_id.offset == 144 and CompletionHeader.frame_id.size == 32
+assert CompletionHeader.rotation_object_to_grid.offset == 176 and CompletionHeader.rotation_object_to_grid.size == 16
+assert CompletionHeader.class_index.offset == 192 and CompletionHeader.class_index.size == 4
+assert CompletionHeader.method.offset == 196 and CompletionHeader.method.size == 4
+assert CompletionHeader.reserved.offset == 200 and CompletionHeader.reserved.size == 64
+
+
+class Status(ctypes.Structure):
+    _fields_ = [
+        ("abi_version", ctypes.c_uint32),
+        ("pid", ctypes.c_uint32),
+        ("daemon_id", ctypes.c_uint64),
+        ("model_id", ctypes.c_uint64),
+        ("started_ns", ctypes.c_uint64),
+        ("heartbeat_ns", ctypes.c_uint64),
+        ("heartbeat_interval_ns", ctypes.c_uint64),
+        ("received", ctypes.c_uint64),
+        ("answered", ctypes.c_uint64),
+        ("dropped", ctypes.c_uint64),
+        ("refused", ctypes.c_uint64),
+        ("latency_p50_ns", ctypes.c_uint64),
+        ("latency_p90_ns", ctypes.c_uint64),
+        ("latency_p99_ns", ctypes.c_uint64),
+        ("dims", ctypes.c_uint32 * 3),
+        ("class_count", ctypes.c_uint32),
+        ("class_names", (ctypes.c_uint8 * 32) * 64),
+        ("model_name", ctypes.c_uint8 * 64),
+        ("reserved", ctypes.c_uint8 * 64),
+    ]
+
+    @staticmethod
+    def type_name():
+        return "beo.v1.Status"
+
+
+assert ctypes.sizeof(Status) == 2296
+assert Status.abi_version.offset == 0 and Status.abi_version.size == 4
+assert Status.pid.offset == 4 and Status.pid.size == 4
+assert Status.daemon_id.offset == 8 and Status.daemon_id.size == 8
+assert Status.model_id.offset == 16 and Status.model_id.size == 8
+assert Status.started_ns.offset == 24 and Status.started_ns.size == 8
+assert Status.heartbeat_ns.offset == 32 and Status.heartbeat_ns.size == 8
+assert Status.heartbeat_interval_ns.offset == 40 and Status.heartbeat_interval_ns.size == 8
+assert Status.received.offset == 48 and Status.received.size == 8
+assert Status.answered.offset == 56 and Status.answered.size == 8
+assert Status.dropped.offset == 64 and Status.dropped.size == 8
+assert Status.refused.offset == 72 and Status.refused.size == 8
+assert Status.latency_p50_ns.offset == 80 and Status.latency_p50_ns.size == 8
+assert Status.latency_p90_ns.offset == 88 and Status.latency_p90_ns.size == 8
+assert Status.latency_p99_ns.offset == 96 and Status.latency_p99_ns.size == 8
+assert Status.dims.offset == 104 and Status.dims.size == 12
+assert Status.class_count.offset == 116 and Status.class_count.size == 4
+assert Status.class_names.offset == 120 and Status.class_names.size == 2048
+assert Status.model_name.offset == 2168 and Status.model_name.size == 64
+assert Status.reserved.offset == 2232 and Status.reserved.size == 64
+
+
+# What the attribute `beo.layout` of each service must say.
+LAYOUTS = {
+    "observation": "a28f817cd7bc9c7f",
+    "percept": "19cdcd38a8a57540",
+    "completion": "afcef3a2f37815de",
+    "status": "3d431661199e0a0b",
+}

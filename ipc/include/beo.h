@@ -1,0 +1,947 @@
+/*
+ * beo.h: talk to the beo perception daemon over shared memory. Link with libbeo.
+ *
+ * Generated from the Rust sources: do not edit.
+ *
+ * Every function that can fail returns a status: 0 done, above 0 try again, below 0 an error; beo_last_error() says more. Handles may be
+ * used from any thread, one thread at a time. A NULL, closed, released or wrong handle, a NULL pointer and a wrong size give a status, not
+ * a crash. What a function opens, takes or loans belongs to the caller until the function named there ends it. The library starts no
+ * threads, installs no signal handlers and prints nothing.
+ *
+ * Grids are in C order [x][y][z], z fastest and up. Lengths are metres; quaternions are x, y, z, w; stamps are nanoseconds of
+ * CLOCK_MONOTONIC, 0 where a stage did not run.
+ */
+
+#ifndef BEO_H
+#define BEO_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+/** The version of this header and of the messages; compare with beo_abi_version(). */
+#define BEO_ABI_VERSION 1
+
+/** A class_index that says that there is none. */
+#define BEO_NO_CLASS UINT32_MAX
+
+/** Class posterior: a bit of `tasks`. It is computed in any case. */
+#define BEO_TASK_CLASS 1
+/** Pose hypotheses: a bit of `tasks`. */
+#define BEO_TASK_POSE 2
+/** Completed occupancy with its uncertainty: a bit of `tasks`. */
+#define BEO_TASK_COMPLETION 4
+
+/** Most classes of a model. */
+#define BEO_MAX_CLASSES 64
+/** Most pose hypotheses of a percept. */
+#define BEO_MAX_HYPOTHESES 8
+/** Bytes of a class or frame name: UTF-8, padded with NUL, not necessarily NUL-terminated: print with "%.32s". */
+#define BEO_NAME_LEN 32
+/** Bytes of the explanation of a refused observation, as names: print with "%.128s". */
+#define BEO_EXPLANATION_LEN 128
+
+
+/**
+ * What became of a call. 0: done. Above 0: nothing is broken, try again (later, or after what the text says). Below 0: an error, of
+ * which `beo_last_error` says more.
+ */
+enum beo_status
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** Done. */
+    BEO_STATUS_OK = 0,
+    /** There is nothing to take. */
+    BEO_STATUS_EMPTY = 1,
+    /** The time was up before it happened. */
+    BEO_STATUS_TIMEOUT = 2,
+    /** No daemon serves the instance (yet, or any more). */
+    BEO_STATUS_NOT_RUNNING = 3,
+    /** A signal came while the call waited. */
+    BEO_STATUS_INTERRUPTED = 4,
+    /** Another thread is using this handle. */
+    BEO_STATUS_BUSY = 5,
+    /** All memory for observations is loaned or still held by readers. */
+    BEO_STATUS_NO_FREE_CHUNK = 6,
+    /** Two completions are held: release one. */
+    BEO_STATUS_TOO_MANY_HELD = 7,
+    /** An argument is NULL or out of its range. */
+    BEO_STATUS_INVALID_ARGUMENT = -1,
+    /** The `size` field of a struct, or a length, is not what it must be. */
+    BEO_STATUS_WRONG_SIZE = -2,
+    /** The handle was closed or released before, is of another kind, or never existed. */
+    BEO_STATUS_BAD_HANDLE = -3,
+    /** The instance's name is not a name. */
+    BEO_STATUS_BAD_INSTANCE = -4,
+    /** The grid's dims are outside 8 to 256. */
+    BEO_STATUS_BAD_DIMS = -5,
+    /** The daemon was built with other message layouts or another version of iceoryx2. */
+    BEO_STATUS_OTHER_VERSION = -6,
+    /** Clients of a daemon with other settings still hold its services. */
+    BEO_STATUS_OTHER_SETTINGS = -7,
+    /** There is not enough free shared memory. */
+    BEO_STATUS_NO_SHARED_MEMORY = -8,
+    /** The shared memory belongs to another user. */
+    BEO_STATUS_NO_ACCESS = -9,
+    /** As many clients are connected as the daemon was configured for. */
+    BEO_STATUS_FULL = -10,
+    /** A message contradicts itself and was thrown away. */
+    BEO_STATUS_BROKEN = -11,
+    /** The system or iceoryx2 failed. */
+    BEO_STATUS_FAILED = -12,
+    /** A fault of this library. */
+    BEO_STATUS_INTERNAL = -13,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_status beo_status;
+#else
+typedef int32_t beo_status;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** How an observation was answered: `beo_percept.status`. */
+enum beo_percept_status
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** Answered. */
+    BEO_PERCEPT_STATUS_OK = 0,
+    /** The header's dims are outside the limits, or their product is not the payload's length. `detail` is the payload's length. */
+    BEO_PERCEPT_STATUS_BAD_DIMS = 1,
+    /** The dims are not those that the model was trained for. `detail` is the model's x | y << 16 | z << 32. */
+    BEO_PERCEPT_STATUS_DIMS_NOT_OF_MODEL = 2,
+    /** A voxel is neither 0 (empty), 1 (filled) nor 255 (unknown). `detail` is the voxel's index in the payload. */
+    BEO_PERCEPT_STATUS_BAD_VOXEL = 3,
+    /** A value of the header is out of its range (see the explanation). `detail` is 0. */
+    BEO_PERCEPT_STATUS_BAD_HEADER = 4,
+    /** The header's `abi_version` is not `BEO_ABI_VERSION`. `detail` is the version found. */
+    BEO_PERCEPT_STATUS_UNKNOWN_VERSION = 5,
+    /** The daemon cannot do this pose search. `detail` is the `pose_search` asked for. */
+    BEO_PERCEPT_STATUS_POSE_SEARCH_NOT_SUPPORTED = 6,
+    /** The daemon failed on a valid observation; the explanation says why. */
+    BEO_PERCEPT_STATUS_INTERNAL = 7,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_percept_status beo_percept_status;
+#else
+typedef uint32_t beo_percept_status;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** What is known of the object's rotation: `beo_observation_header.pose_search`. */
+enum beo_pose_search
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** The grid is in the object's canonical orientation. */
+    BEO_POSE_SEARCH_KNOWN = 0,
+    /** The object is upright; its rotation about z is unknown. */
+    BEO_POSE_SEARCH_YAW = 1,
+    /** The rotation is unknown. */
+    BEO_POSE_SEARCH_FULL = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_pose_search beo_pose_search;
+#else
+typedef uint32_t beo_pose_search;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** The frame of a completed grid: `beo_observation_header.completion_frame` and `beo_completion_header.frame`. */
+enum beo_completion_frame
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** The observation's grid. */
+    BEO_COMPLETION_FRAME_GRID = 0,
+    /** The canonical orientation of the training shapes. */
+    BEO_COMPLETION_FRAME_OBJECT = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_completion_frame beo_completion_frame;
+#else
+typedef uint32_t beo_completion_frame;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** What lies outside the grid: `beo_observation_header.outside`. It matters where a rotated object reaches over the grid's edge. */
+enum beo_outside
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** The grid holds the whole object: outside is empty. */
+    BEO_OUTSIDE_EMPTY = 0,
+    /** Nothing is known of what is outside. */
+    BEO_OUTSIDE_UNKNOWN = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_outside beo_outside;
+#else
+typedef uint32_t beo_outside;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** Where the sensor looked from: `beo_observation_header.view`. */
+enum beo_view
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** Not said. */
+    BEO_VIEW_UNSPECIFIED = 0,
+    /** From above, along −z of the grid. */
+    BEO_VIEW_TOP_DOWN = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_view beo_view;
+#else
+typedef uint32_t beo_view;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** How a percept was computed: `beo_percept.method`. */
+enum beo_method
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** Nothing was computed: the observation was refused. */
+    BEO_METHOD_NONE = 0,
+    /** The calibrated blend. */
+    BEO_METHOD_AUTO = 1,
+    /** The nearest class mean on the known voxels. */
+    BEO_METHOD_MEAN = 2,
+    /** As in the paper. */
+    BEO_METHOD_PAPER = 3,
+    /** The evidence of the class models. */
+    BEO_METHOD_EVIDENCE = 4,
+    /** The class density of the visual hull. */
+    BEO_METHOD_HULL = 5,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_method beo_method;
+#else
+typedef uint32_t beo_method;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** A completed grid in shared memory. From `beo_subscriber_take_completion` to `beo_completion_release`. */
+typedef struct beo_completion beo_completion;
+
+/** Memory for one observation. From `beo_producer_loan` to `beo_loan_commit` or `beo_loan_abandon`. */
+typedef struct beo_loan beo_loan;
+
+/** Writes observations of one size. From `beo_producer_open` to `beo_producer_close`. */
+typedef struct beo_producer beo_producer;
+
+/** Reads percepts, completions and the status of a daemon. From `beo_subscriber_open` to `beo_subscriber_close`. */
+typedef struct beo_subscriber beo_subscriber;
+
+/**
+ * Travels with every observation, before its voxels (one byte each: 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`).
+ *
+ * `producer_id`, `sequence`, `dims` and the default of `capture_ns` are filled in by `beo_producer`.
+ */
+typedef struct beo_observation_header {
+    /** `BEO_ABI_VERSION`. */
+    uint32_t abi_version;
+    /** What is known of the rotation: a number of `beo_pose_search`. */
+    uint32_t pose_search;
+    /** Who wrote this; unique among the producers of a machine. */
+    uint64_t producer_id;
+    /** The producer's own name for the object: observations of one object replace each other when the daemon is busy. */
+    uint64_t object_id;
+    /** Counted by the producer, from 1. */
+    uint64_t sequence;
+    /** When the sensor data was taken. */
+    uint64_t capture_ns;
+    /** The producer's own stamp, of any clock, passed through. */
+    uint64_t sensor_stamp_ns;
+    /** After this time the answer is of no use; 0 for no deadline. */
+    uint64_t deadline_ns;
+    /** The grid's centre in the frame `frame_id`, metres. */
+    double position_m[3];
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w. */
+    double orientation[4];
+    /** Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels). */
+    float voxel_size_m;
+    /** Voxels along x, y, z. */
+    uint32_t dims[3];
+    /** What to compute: bits of `BEO_TASK_…`. */
+    uint32_t tasks;
+    /** In which frame the completion is wanted: a number of `beo_completion_frame`. */
+    uint32_t completion_frame;
+    /** What lies outside the grid: a number of `beo_outside`. */
+    uint32_t outside;
+    /** Where the sensor looked from: a number of `beo_view`. */
+    uint32_t view;
+    /** Name of the sensor's or the world's frame, UTF-8, padded with NUL. */
+    uint8_t frame_id[32];
+    /** The `object_id` of this producer's object whose last answer narrows the pose search; read if `continues` is 1. */
+    uint64_t continued_object_id;
+    /** 1 if this observation continues the stream `continued_object_id`, 0 if not. */
+    uint32_t continues;
+    /** How sure the producer is of `rotation_prior`: κ of the density exp(κ cos θ), θ the angle from it; 0 for not at all. */
+    float rotation_prior_concentration;
+    /**
+     * The rotation that the producer expects: turns object axes into grid axes, unit quaternion x, y, z, w; read if
+     * `rotation_prior_concentration` is not 0.
+     */
+    float rotation_prior[4];
+    /** 0. */
+    uint8_t reserved[32];
+} beo_observation_header;
+
+/** How to subscribe. Start from `BEO_SUBSCRIBER_OPTIONS_INIT`. */
+typedef struct beo_subscriber_options {
+    /** `sizeof(beo_subscriber_options)`. */
+    uint32_t size;
+    /** 1: completions too; 0: without them, and the big segment is never mapped. Default: 0. */
+    uint32_t completion;
+    /** How long opening waits for the daemon, milliseconds; negative: without end. Default: 0. */
+    int32_t wait_ms;
+    /** 0. */
+    uint32_t reserved;
+} beo_subscriber_options;
+
+/** How the object may be turned. */
+typedef struct beo_hypothesis {
+    /** Turns object axes into grid axes: unit quaternion x, y, z, w. */
+    float rotation_object_to_grid[4];
+    /** The class that this pose belongs to. */
+    uint32_t class_index;
+    /** Posterior probability of this class and pose. */
+    float probability;
+} beo_hypothesis;
+
+/** The answer to one observation: class posterior, pose hypotheses, timings, status. */
+typedef struct beo_percept {
+    /** `BEO_ABI_VERSION`. */
+    uint32_t abi_version;
+    /** A number of `beo_percept_status`; unless it is 0 (ok), class, posterior and hypotheses are empty. */
+    uint32_t status;
+    /** The run of the daemon that answered; changes when the daemon restarts. */
+    uint64_t daemon_id;
+    /** The model that answered. */
+    uint64_t model_id;
+    /** Who wrote the observation. */
+    uint64_t producer_id;
+    /** The producer's own name for the object. */
+    uint64_t object_id;
+    /** The observation's number, counted by its producer. */
+    uint64_t sequence;
+    /** More about `status`: see `beo_percept_status`. */
+    uint64_t detail;
+    /** When the sensor data was taken. */
+    uint64_t capture_ns;
+    /** The producer's own stamp, passed through. */
+    uint64_t sensor_stamp_ns;
+    /** When the daemon took the observation. */
+    uint64_t received_ns;
+    /** When the class posterior was ready. */
+    uint64_t classified_ns;
+    /** When the pose hypotheses were ready. */
+    uint64_t posed_ns;
+    /** When the completion was ready. */
+    uint64_t completed_ns;
+    /** When this percept was sent. */
+    uint64_t published_ns;
+    /** The grid's centre in the frame `frame_id`, metres, as the observation had it. */
+    double position_m[3];
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it. */
+    double orientation[4];
+    /** Edge of a voxel, metres, as the observation had it. */
+    float voxel_size_m;
+    /** Voxels along x, y, z. */
+    uint32_t dims[3];
+    /** Name of the sensor's or the world's frame, UTF-8, padded with NUL. */
+    uint8_t frame_id[32];
+    /** How it was computed: a number of `beo_method`. */
+    uint32_t method;
+    /** How many entries of `posterior` and `log_evidence` are used. */
+    uint32_t class_count;
+    /** The most probable class, an index into the status' class names; `BEO_NO_CLASS` if the observation was refused. */
+    uint32_t class_index;
+    /** How many entries of `hypotheses` are used, most probable first. */
+    uint32_t hypothesis_count;
+    /** Spread of the rotation's posterior: expected angle to the first hypothesis, radians. */
+    float rotation_spread_rad;
+    /** What was computed: bits of `BEO_TASK_…`. */
+    uint32_t tasks;
+    /** Probability of each class; unused entries are 0. */
+    float posterior[64];
+    /** Log evidence (or log score) of each class before priors and calibration, natural logarithm; unused entries are 0. */
+    float log_evidence[64];
+    /** Pose hypotheses, most probable first; unused entries are 0. */
+    struct beo_hypothesis hypotheses[8];
+    /** Why the observation was refused, for people: UTF-8, padded with NUL. */
+    uint8_t explanation[128];
+    /** 0. */
+    uint8_t reserved[64];
+} beo_percept;
+
+/**
+ * Travels with every completion. Its payload is `2 × voxels` bytes: first the occupancy probability of every voxel, then its standard
+ * deviation, each value × 255.
+ */
+typedef struct beo_completion_header {
+    /** `BEO_ABI_VERSION`. */
+    uint32_t abi_version;
+    /** The frame of the payload: a number of `beo_completion_frame`. */
+    uint32_t frame;
+    /** The run of the daemon that answered. */
+    uint64_t daemon_id;
+    /** The model that answered. */
+    uint64_t model_id;
+    /** Who wrote the observation. */
+    uint64_t producer_id;
+    /** The producer's own name for the object. */
+    uint64_t object_id;
+    /** The observation's number, counted by its producer. */
+    uint64_t sequence;
+    /** When the sensor data was taken. */
+    uint64_t capture_ns;
+    /** The producer's own stamp, passed through. */
+    uint64_t sensor_stamp_ns;
+    /** When this completion was sent. */
+    uint64_t published_ns;
+    /** The grid's centre in the frame `frame_id`, metres, as the observation had it. */
+    double position_m[3];
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it. */
+    double orientation[4];
+    /** Edge of a voxel, metres. */
+    float voxel_size_m;
+    /** Voxels of the payload along x, y, z. */
+    uint32_t dims[3];
+    /** Name of the sensor's or the world's frame, UTF-8, padded with NUL. */
+    uint8_t frame_id[32];
+    /** The pose that was completed: turns object axes into grid axes, unit quaternion x, y, z, w. */
+    float rotation_object_to_grid[4];
+    /** The most probable class. */
+    uint32_t class_index;
+    /** How it was computed: a number of `beo_method`. */
+    uint32_t method;
+    /** 0. */
+    uint8_t reserved[64];
+} beo_completion_header;
+
+/** A completed grid where it lies in shared memory; valid until its `beo_completion` is released. Start from `BEO_COMPLETION_VIEW_INIT`. */
+typedef struct beo_completion_view {
+    /** `sizeof(beo_completion_view)`. */
+    uint32_t size;
+    /** 0. */
+    uint32_t reserved;
+    /** Voxels of the grid, and bytes of each of the two arrays. */
+    size_t voxel_count;
+    /** Probability of being filled × 255, one byte per voxel, C order `[x][y][z]`. */
+    const uint8_t *occupancy;
+    /** Standard deviation of that probability × 255, one byte per voxel, in the same order. */
+    const uint8_t *deviation;
+    /** What it answers, and where the grid lies: a copy. */
+    struct beo_completion_header header;
+} beo_completion_view;
+
+/** The daemon's heartbeat: who it is, what model it serves, how it does. */
+typedef struct beo_daemon_status {
+    /** `BEO_ABI_VERSION`. */
+    uint32_t abi_version;
+    /** The daemon's process id. */
+    uint32_t pid;
+    /** The run of the daemon; changes when it restarts. */
+    uint64_t daemon_id;
+    /** The model that is served. */
+    uint64_t model_id;
+    /** When the daemon started. */
+    uint64_t started_ns;
+    /** When this was sent. */
+    uint64_t heartbeat_ns;
+    /** When to expect the next: this long after `heartbeat_ns`. */
+    uint64_t heartbeat_interval_ns;
+    /** Observations that arrived; the sum of the next three and of those still in work. */
+    uint64_t received;
+    /** Observations that were answered with status ok. */
+    uint64_t answered;
+    /** Observations that a newer one of the same stream replaced. */
+    uint64_t dropped;
+    /** Observations that were answered with another status. */
+    uint64_t refused;
+    /** Median time from taking an observation to sending its percept, over the daemon's recent observations. */
+    uint64_t latency_p50_ns;
+    /** 90th percentile of the same. */
+    uint64_t latency_p90_ns;
+    /** 99th percentile of the same. */
+    uint64_t latency_p99_ns;
+    /** The model's dims. */
+    uint32_t dims[3];
+    /** How many entries of `class_names` are used. */
+    uint32_t class_count;
+    /** The names of the classes: UTF-8, padded with NUL. */
+    uint8_t class_names[64][32];
+    /** The model's name, for people: UTF-8, padded with NUL. */
+    uint8_t model_name[64];
+    /** 0. */
+    uint8_t reserved[64];
+} beo_daemon_status;
+
+/** How to open a producer. Start from `BEO_PRODUCER_OPTIONS_INIT`. */
+typedef struct beo_producer_options {
+    /** `sizeof(beo_producer_options)`. */
+    uint32_t size;
+    /** How long opening waits for the daemon, milliseconds; negative: without end. Default: 0. */
+    int32_t wait_ms;
+} beo_producer_options;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+/** The version of the library that is linked: compare it with `BEO_ABI_VERSION`, the version of this header. */
+uint32_t beo_abi_version(void);
+
+/** What a status means, in English. Never NULL, for any number; owned by the library, valid for ever. */
+const char *beo_status_text(int32_t status);
+
+/**
+ * What the last call of this thread that did not succeed had to say: what was wrong, where, and what to do. Never NULL, empty if all
+ * succeeded; owned by the library, valid until this thread's next call that fails.
+ */
+const char *beo_last_error(void);
+
+/** Now, in nanoseconds of CLOCK_MONOTONIC: the clock of all stamps, the same in all processes of a machine. */
+uint64_t beo_monotonic_ns(void);
+
+/**
+ * Fills in `header` for a grid of nx × ny × nz voxels: known pose; class and completion; centred at the frame's origin; scale not known.
+ *
+ * `BEO_STATUS_BAD_DIMS` if an axis has fewer than 8 or more than 256 voxels.
+ *
+ * The caller promises:
+ * `header` is NULL or writable.
+ */
+beo_status beo_observation_header_init(struct beo_observation_header *header,
+                                       uint32_t nx,
+                                       uint32_t ny,
+                                       uint32_t nz);
+
+/**
+ * Opens a subscriber to the daemon of `instance` (NULL: "default") and stores its handle in `*subscriber`. `options` may be NULL.
+ *
+ * `BEO_STATUS_NOT_RUNNING` if there is no daemon after `wait_ms` milliseconds: try again. Once open, it survives the daemon: see
+ * `beo_subscriber_wait`. The caller closes it.
+ *
+ * The caller promises:
+ * `instance` is NULL or a NUL-terminated text; `options` is NULL or readable for its `size`; `subscriber` is NULL or writable.
+ */
+beo_status beo_subscriber_open(const char *instance,
+                               const struct beo_subscriber_options *options,
+                               struct beo_subscriber **subscriber);
+
+/** Closes a subscriber. Completions taken from it stay valid until they are released. */
+beo_status beo_subscriber_close(struct beo_subscriber *subscriber);
+
+/**
+ * Waits until the daemon has sent something, at most `timeout_ms` milliseconds (negative: without end; 0: not at all). Then take all
+ * percepts and completions there are: one wake-up can stand for several.
+ *
+ * `BEO_STATUS_TIMEOUT` if nothing came, `BEO_STATUS_NOT_RUNNING` if nothing came and no daemon is there: waiting again is right for both,
+ * as this call also connects to the next daemon. `BEO_STATUS_INTERRUPTED` if a signal came: the library installs no handlers, the caller's
+ * have run.
+ */
+beo_status beo_subscriber_wait(struct beo_subscriber *subscriber,
+                               int32_t timeout_ms);
+
+/**
+ * A file descriptor for the caller's own poll or epoll loop: readable when the daemon has sent something, and now and then for a look at
+ * the daemon. When it is readable, call `beo_subscriber_wait` with a timeout of 0, then take everything.
+ *
+ * It stays the same over restarts of the daemon. It belongs to the subscriber: do not close or read it; it ends with the subscriber.
+ *
+ * The caller promises:
+ * `file_descriptor` is NULL or writable.
+ */
+beo_status beo_subscriber_file_descriptor(struct beo_subscriber *subscriber,
+                                          int *file_descriptor);
+
+/**
+ * Copies the oldest percept not yet taken to `*percept`. A caller that does not take loses its oldest ones: 32 are kept.
+ *
+ * `BEO_STATUS_EMPTY` if there is none.
+ *
+ * The caller promises:
+ * `percept` is NULL or writable.
+ */
+beo_status beo_subscriber_take_percept(struct beo_subscriber *subscriber,
+                                       struct beo_percept *percept);
+
+/**
+ * Takes the oldest completion not yet taken, where it lies: stores its handle in `*completion`, and where its arrays are in `*view`. A
+ * completion comes before the percept of the same observation.
+ *
+ * `BEO_STATUS_EMPTY` if there is none, or if the subscriber was opened without completions. The caller releases it; two can be held at a
+ * time, for a third `BEO_STATUS_TOO_MANY_HELD` is returned. One that is held keeps the channel of a daemon that is gone: one with a
+ * model of other dims can then not start.
+ *
+ * The caller promises:
+ * `completion` is NULL or writable; `view` is NULL or readable and writable for its `size`.
+ */
+beo_status beo_subscriber_take_completion(struct beo_subscriber *subscriber,
+                                          struct beo_completion **completion,
+                                          struct beo_completion_view *view);
+
+/**
+ * Copies the newest status of the daemon to `*status` (its model, class names, counters, latencies), and how old its heartbeat is to
+ * `*heartbeat_age_ns`, which may be NULL. A heartbeat older than a few times `heartbeat_interval_ns` means that the daemon hangs or is
+ * gone.
+ *
+ * `BEO_STATUS_EMPTY` before the first one, which comes within about a second of opening.
+ *
+ * The caller promises:
+ * `status` is NULL or writable; `heartbeat_age_ns` is NULL or writable.
+ */
+beo_status beo_subscriber_status(struct beo_subscriber *subscriber,
+                                 struct beo_daemon_status *status,
+                                 uint64_t *heartbeat_age_ns);
+
+/** Releases a completion: the pointers in its view end here. */
+beo_status beo_completion_release(struct beo_completion *completion);
+
+/**
+ * Opens a producer of grids of nx × ny × nz voxels for the daemon of `instance` (NULL: "default") and stores its handle in `*producer`.
+ * `options` may be NULL.
+ *
+ * `BEO_STATUS_NOT_RUNNING` if there is no daemon after `wait_ms` milliseconds: try again. Once open, it survives the daemon. Memory for
+ * all its grids is taken and touched here: 1.1 MB at 30³, 164 MB at 254³. The caller closes it.
+ *
+ * The caller promises:
+ * `instance` is NULL or a NUL-terminated text; `options` is NULL or readable for its `size`; `producer` is NULL or writable.
+ */
+beo_status beo_producer_open(const char *instance,
+                             uint32_t nx,
+                             uint32_t ny,
+                             uint32_t nz,
+                             const struct beo_producer_options *options,
+                             struct beo_producer **producer);
+
+/** Closes a producer. Its loans stay writable, but can only be abandoned. */
+beo_status beo_producer_close(struct beo_producer *producer);
+
+/**
+ * What tells this producer from others, stored in `*id`: percepts repeat it as `producer_id`.
+ *
+ * The caller promises:
+ * `id` is NULL or writable.
+ */
+beo_status beo_producer_id(struct beo_producer *producer, uint64_t *id);
+
+/**
+ * Loans memory for one grid: stores a handle in `*loan`, where the voxels are in `*voxels`, and how many in `*voxel_count`, which may be
+ * NULL. Write every voxel: 0 empty, 1 filled, 255 unknown; voxel (x, y, z) is at `(x * ny + y) * nz + z`.
+ *
+ * `BEO_STATUS_NOT_RUNNING` while no daemon is there: leave this grid out, and try again with the next. The caller commits or abandons the
+ * loan; two can be held at a time whatever the readers do, beyond that `BEO_STATUS_NO_FREE_CHUNK` can be returned.
+ *
+ * The caller promises:
+ * `loan`, `voxels` and `voxel_count` are each NULL or writable.
+ */
+beo_status beo_producer_loan(struct beo_producer *producer,
+                             struct beo_loan **loan,
+                             uint8_t **voxels,
+                             size_t *voxel_count);
+
+/**
+ * Sends the grid and stores its number, which its percept repeats, in `*sequence`, which may be NULL. Never waits for a reader. The loan
+ * and its voxels end here, unless the header is refused with `BEO_STATUS_INVALID_ARGUMENT`. `BEO_STATUS_NOT_RUNNING` if the producer was
+ * closed, or let go of a daemon that went away, after the loan: the grid is lost.
+ *
+ * `header` says what the grid is and what is asked for; start from `beo_observation_header_init`; NULL stands for what that fills in.
+ * `producer_id` and `sequence` are filled in here, and `capture_ns` if it is 0: with the time of the loan.
+ *
+ * The caller promises:
+ * `header` is NULL or readable; `sequence` is NULL or writable.
+ */
+beo_status beo_loan_commit(struct beo_loan *loan,
+                           const struct beo_observation_header *header,
+                           uint64_t *sequence);
+
+/** Gives the memory back without sending anything. The loan and its voxels end here. */
+beo_status beo_loan_abandon(struct beo_loan *loan);
+
+/**
+ * Sends one grid to the daemon of `instance` (NULL: "default"), waits for its percept and copies that to `*percept`. The whole, waiting
+ * for the daemon included, takes at most `timeout_ms` milliseconds (negative: without end).
+ *
+ * `header` says what the grid is and what is asked for: start from `beo_observation_header_init`. `voxels` are `voxel_count` bytes, as
+ * many as the header's dims say. `BEO_STATUS_TIMEOUT` if no percept came, `BEO_STATUS_NOT_RUNNING` if there was no daemon. A refused grid
+ * has a percept too: see its `status` and `explanation`.
+ *
+ * This opens and closes a producer and a subscriber: for a stream of grids, keep them and use `beo_perceive_with`.
+ *
+ * The caller promises:
+ * `instance` is NULL or a NUL-terminated text; `header` is NULL or readable; `voxels` is NULL or has `voxel_count` readable bytes;
+ * `percept` is NULL or writable.
+ */
+beo_status beo_perceive(const char *instance,
+                        const struct beo_observation_header *header,
+                        const uint8_t *voxels,
+                        size_t voxel_count,
+                        int32_t timeout_ms,
+                        struct beo_percept *percept);
+
+/**
+ * Sends one grid through `producer`, waits for its percept at `subscriber`, at most `timeout_ms` milliseconds (negative: without end), and
+ * copies it to `*percept`. Percepts of other observations that come before it are taken and thrown away.
+ *
+ * As `beo_perceive` for the rest; `header` may be NULL as for `beo_loan_commit`.
+ *
+ * The caller promises:
+ * `header` is NULL or readable; `voxels` is NULL or has `voxel_count` readable bytes; `percept` is NULL or writable.
+ */
+beo_status beo_perceive_with(struct beo_producer *producer,
+                             struct beo_subscriber *subscriber,
+                             const struct beo_observation_header *header,
+                             const uint8_t *voxels,
+                             size_t voxel_count,
+                             int32_t timeout_ms,
+                             struct beo_percept *percept);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* BEO_H */
+
+
+/** Options to start from: `beo_subscriber_options options = BEO_SUBSCRIBER_OPTIONS_INIT;` */
+#define BEO_SUBSCRIBER_OPTIONS_INIT { sizeof(beo_subscriber_options), 0, 0, 0 }
+/** Options to start from: `beo_producer_options options = BEO_PRODUCER_OPTIONS_INIT;` */
+#define BEO_PRODUCER_OPTIONS_INIT { sizeof(beo_producer_options), 0 }
+/** Zeroes `view` and sets its size: a statement. */
+#define BEO_COMPLETION_VIEW_INIT(view) (memset(&(view), 0, sizeof(beo_completion_view)), (view).size = (uint32_t)sizeof(beo_completion_view))
+
+#ifdef __cplusplus
+#define BEO_STATIC_ASSERT(condition, text) static_assert(condition, text)
+#else
+#define BEO_STATIC_ASSERT(condition, text) _Static_assert(condition, text)
+#endif
+
+BEO_STATIC_ASSERT(sizeof(beo_observation_header) == 240, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, abi_version) == 0, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->abi_version) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, pose_search) == 4, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->pose_search) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, producer_id) == 8, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->producer_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, object_id) == 16, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->object_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, sequence) == 24, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->sequence) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, capture_ns) == 32, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->capture_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, sensor_stamp_ns) == 40, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->sensor_stamp_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, deadline_ns) == 48, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->deadline_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, position_m) == 56, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->position_m) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, orientation) == 80, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->orientation) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, voxel_size_m) == 112, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->voxel_size_m) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, dims) == 116, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->dims) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, tasks) == 128, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->tasks) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, completion_frame) == 132, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->completion_frame) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, outside) == 136, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->outside) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, view) == 140, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->view) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, frame_id) == 144, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->frame_id) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, continued_object_id) == 176, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->continued_object_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, continues) == 184, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->continues) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior_concentration) == 188, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->rotation_prior_concentration) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior) == 192, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->rotation_prior) == 16, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, reserved) == 208, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->reserved) == 32, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_hypothesis) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_hypothesis, rotation_object_to_grid) == 0, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->rotation_object_to_grid) == 16, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_hypothesis, class_index) == 16, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->class_index) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_hypothesis, probability) == 20, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->probability) == 4, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_percept) == 1136, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, abi_version) == 0, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->abi_version) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, status) == 4, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->status) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, daemon_id) == 8, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->daemon_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, model_id) == 16, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->model_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, producer_id) == 24, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->producer_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_id) == 32, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, sequence) == 40, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->sequence) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, detail) == 48, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->detail) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, capture_ns) == 56, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->capture_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, sensor_stamp_ns) == 64, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->sensor_stamp_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, received_ns) == 72, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->received_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, classified_ns) == 80, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->classified_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, posed_ns) == 88, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->posed_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, completed_ns) == 96, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->completed_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, published_ns) == 104, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->published_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, position_m) == 112, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->position_m) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, orientation) == 136, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->orientation) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, voxel_size_m) == 168, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->voxel_size_m) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, dims) == 172, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->dims) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, frame_id) == 184, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->frame_id) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, method) == 216, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->method) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, class_count) == 220, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->class_count) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, class_index) == 224, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->class_index) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, hypothesis_count) == 228, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->hypothesis_count) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, rotation_spread_rad) == 232, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->rotation_spread_rad) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, tasks) == 236, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->tasks) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, posterior) == 240, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->posterior) == 256, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, log_evidence) == 496, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->log_evidence) == 256, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, hypotheses) == 752, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->hypotheses) == 192, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, explanation) == 944, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->explanation) == 128, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, reserved) == 1072, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->reserved) == 64, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_completion_header) == 264, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, abi_version) == 0, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->abi_version) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, frame) == 4, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->frame) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, daemon_id) == 8, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->daemon_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, model_id) == 16, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->model_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, producer_id) == 24, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->producer_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, object_id) == 32, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->object_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, sequence) == 40, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->sequence) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, capture_ns) == 48, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->capture_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, sensor_stamp_ns) == 56, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->sensor_stamp_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, published_ns) == 64, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->published_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, position_m) == 72, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->position_m) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, orientation) == 96, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->orientation) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, voxel_size_m) == 128, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->voxel_size_m) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, dims) == 132, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->dims) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, frame_id) == 144, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->frame_id) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, rotation_object_to_grid) == 176, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->rotation_object_to_grid) == 16, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, class_index) == 192, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->class_index) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, method) == 196, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->method) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, reserved) == 200, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->reserved) == 64, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_daemon_status) == 2296, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, abi_version) == 0, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->abi_version) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, pid) == 4, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->pid) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, daemon_id) == 8, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->daemon_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, model_id) == 16, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->model_id) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, started_ns) == 24, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->started_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, heartbeat_ns) == 32, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->heartbeat_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, heartbeat_interval_ns) == 40, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->heartbeat_interval_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, received) == 48, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->received) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, answered) == 56, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->answered) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dropped) == 64, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->dropped) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, refused) == 72, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->refused) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p50_ns) == 80, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p50_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p90_ns) == 88, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p90_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p99_ns) == 96, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p99_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dims) == 104, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->dims) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_count) == 116, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->class_count) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_names) == 120, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->class_names) == 2048, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, model_name) == 2168, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->model_name) == 64, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reserved) == 2232, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reserved) == 64, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_subscriber_options) == 16, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, size) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, completion) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, wait_ms) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, reserved) == 12, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_producer_options) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_producer_options, size) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_producer_options, wait_ms) == 4, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_completion_view) == 8 + 3 * sizeof(void *) + sizeof(beo_completion_header), "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_view, size) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_view, reserved) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_view, voxel_count) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_view, occupancy) == 8 + sizeof(void *), "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_view, deviation) == 8 + 2 * sizeof(void *), "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_view, header) == 8 + 3 * sizeof(void *), "layout");

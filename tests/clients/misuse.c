@@ -1,0 +1,342 @@
+/* Breaks the rules of the C interface, one after the other: each must give its status, and nothing may crash.
+ *
+ *     misuse INSTANCE NOBODY
+ *
+ * INSTANCE: of a daemon with a model of 16 voxels a side; NOBODY: an instance without a daemon.
+ */
+
+#define _POSIX_C_SOURCE 200809L
+#include <beo.h>
+#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { SIDE = 16, VOXELS = SIDE * SIDE * SIDE };
+
+#define MUST(condition)                                                                                                                   \
+    do {                                                                                                                                  \
+        if (!(condition)) {                                                                                                               \
+            fprintf(stderr, "line %d: not true: %s (last error: %s)\n", __LINE__, #condition, beo_last_error());                          \
+            exit(1);                                                                                                                      \
+        }                                                                                                                                 \
+    } while (0)
+
+#define GIVES(status, call)                                                                                                               \
+    do {                                                                                                                                  \
+        const beo_status given = (call);                                                                                                  \
+        if (given != (status)) {                                                                                                          \
+            fprintf(stderr, "line %d: %s gives %d, not %s: %s\n", __LINE__, #call, (int)given, #status, beo_last_error());                \
+            exit(1);                                                                                                                      \
+        }                                                                                                                                 \
+    } while (0)
+
+static void ignore_alarm(int signal) { (void)signal; }
+
+static void texts(void) {
+    MUST(beo_abi_version() == BEO_ABI_VERSION);
+    MUST(strcmp(beo_status_text(BEO_STATUS_OK), "done") == 0);
+    MUST(strcmp(beo_status_text(12345), "unknown status") == 0);
+    MUST(strcmp(beo_last_error(), "") == 0);
+    MUST(beo_monotonic_ns() > 0);
+}
+
+static void nulls(void) {
+    beo_percept percept;
+    beo_daemon_status status;
+    beo_completion_view view;
+    BEO_COMPLETION_VIEW_INIT(view);
+    beo_completion *completion;
+    beo_loan *loan;
+    uint8_t *voxels, voxel = 0;
+    uint64_t id;
+    int descriptor;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_init(NULL, SIDE, SIDE, SIDE));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_open("x", NULL, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_close(NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_wait(NULL, 0));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_file_descriptor(NULL, &descriptor));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_take_percept(NULL, &percept));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_take_completion(NULL, &completion, &view));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_status(NULL, &status, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_completion_release(NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_producer_open("x", SIDE, SIDE, SIDE, NULL, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_producer_close(NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_producer_id(NULL, &id));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_producer_loan(NULL, &loan, &voxels, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_loan_commit(NULL, NULL, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_loan_abandon(NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_perceive("x", NULL, &voxel, 1, 0, &percept));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_perceive_with(NULL, NULL, NULL, &voxel, 1, 0, &percept));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_perceive_with(NULL, NULL, NULL, NULL, 0, 0, &percept));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_perceive_with(NULL, NULL, NULL, &voxel, 1, 0, NULL));
+    MUST(strstr(beo_last_error(), "`percept` is NULL") != NULL);
+}
+
+static void opening(const char *instance, const char *nobody) {
+    beo_observation_header header;
+    GIVES(BEO_STATUS_BAD_DIMS, beo_observation_header_init(&header, SIDE, 7, SIDE));
+    GIVES(BEO_STATUS_BAD_DIMS, beo_observation_header_init(&header, SIDE, SIDE, 257));
+    GIVES(BEO_STATUS_OK, beo_observation_header_init(&header, SIDE, SIDE, SIDE));
+
+    beo_subscriber *subscriber = (beo_subscriber *)&header;
+    GIVES(BEO_STATUS_NOT_RUNNING, beo_subscriber_open(nobody, NULL, &subscriber));
+    MUST(subscriber == NULL);
+    MUST(strstr(beo_last_error(), nobody) != NULL);
+    GIVES(BEO_STATUS_BAD_INSTANCE, beo_subscriber_open("not a name", NULL, &subscriber));
+    GIVES(BEO_STATUS_BAD_INSTANCE, beo_subscriber_open("\xff", NULL, &subscriber));
+    GIVES(BEO_STATUS_BAD_INSTANCE, beo_subscriber_open("", NULL, &subscriber));
+    beo_subscriber_options options = BEO_SUBSCRIBER_OPTIONS_INIT;
+    options.size = 4;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_subscriber_open(instance, &options, &subscriber));
+    options.size = 0;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_subscriber_open(instance, &options, &subscriber));
+    options.size = sizeof options;
+    options.completion = 2;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_open(instance, &options, &subscriber));
+    options.completion = 0;
+    options.reserved = 1;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_open(instance, &options, &subscriber));
+
+    beo_producer *producer;
+    GIVES(BEO_STATUS_NOT_RUNNING, beo_producer_open(nobody, SIDE, SIDE, SIDE, NULL, &producer));
+    GIVES(BEO_STATUS_BAD_DIMS, beo_producer_open(instance, SIDE, SIDE, 7, NULL, &producer));
+    beo_producer_options producer_options = BEO_PRODUCER_OPTIONS_INIT;
+    producer_options.size += 1;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_producer_open(instance, SIDE, SIDE, SIDE, &producer_options, &producer));
+
+    static uint8_t voxels[VOXELS];
+    beo_percept percept;
+    GIVES(BEO_STATUS_NOT_RUNNING, beo_perceive(nobody, &header, voxels, VOXELS, 30, &percept));
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_perceive(instance, &header, voxels, VOXELS - 1, 30000, &percept));
+    GIVES(BEO_STATUS_OK, beo_perceive(instance, &header, voxels, VOXELS, 30000, &percept));
+    MUST(percept.status == BEO_PERCEPT_STATUS_OK && percept.class_count == 10);
+    voxels[77] = 9;
+    GIVES(BEO_STATUS_OK, beo_perceive(instance, &header, voxels, VOXELS, 30000, &percept));
+    MUST(percept.status == BEO_PERCEPT_STATUS_BAD_VOXEL && percept.detail == 77 && percept.class_index == BEO_NO_CLASS);
+    MUST(strncmp((const char *)percept.explanation, "voxel 77 is 9", 13) == 0);
+}
+
+static void loans(beo_producer *producer, beo_subscriber *subscriber) {
+    beo_loan *loan, *other;
+    uint8_t *voxels;
+    size_t count;
+    uint64_t sequence = 0;
+    beo_observation_header header;
+    GIVES(BEO_STATUS_OK, beo_observation_header_init(&header, SIDE, SIDE, SIDE + 1));
+    GIVES(BEO_STATUS_OK, beo_producer_loan(producer, &loan, &voxels, &count));
+    MUST(count == VOXELS);
+    memset(voxels, 0, count);
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_loan_commit(loan, &header, &sequence)); /* other dims */
+    header.dims[2] = SIDE;
+    header.abi_version = 7;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_loan_commit(loan, &header, &sequence));
+    header.abi_version = BEO_ABI_VERSION;
+    GIVES(BEO_STATUS_OK, beo_producer_loan(producer, &other, &voxels, NULL));
+    GIVES(BEO_STATUS_OK, beo_loan_abandon(other));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_loan_abandon(other));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_loan_commit(other, &header, &sequence));
+    MUST(sequence == 0);
+    GIVES(BEO_STATUS_OK, beo_loan_commit(loan, &header, &sequence)); /* still good after its errors */
+    MUST(sequence == 1);
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_loan_commit(loan, &header, &sequence));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_loan_abandon((beo_loan *)(void *)subscriber)); /* another kind */
+
+    /* Memory ends at some number of loans; what was loaned is given back. */
+    beo_loan *many[1000];
+    size_t loaned = 0;
+    beo_status status = BEO_STATUS_OK;
+    while (loaned < 1000 && (status = beo_producer_loan(producer, &many[loaned], &voxels, NULL)) == BEO_STATUS_OK) {
+        loaned++;
+    }
+    MUST(loaned >= 2 && status == BEO_STATUS_NO_FREE_CHUNK);
+    while (loaned > 0) {
+        loaned--;
+        GIVES(BEO_STATUS_OK, beo_loan_abandon(many[loaned]));
+    }
+}
+
+static void completions(beo_producer *producer, beo_subscriber *subscriber) {
+    static uint8_t voxels[VOXELS];
+    memset(voxels, 255, VOXELS);
+    beo_completion_view view;
+    BEO_COMPLETION_VIEW_INIT(view);
+    beo_completion *held[3];
+    while (beo_subscriber_take_completion(subscriber, &held[0], &view) == BEO_STATUS_OK) {
+        GIVES(BEO_STATUS_OK, beo_completion_release(held[0]));
+    }
+    for (int i = 0; i < 3; i++) {
+        beo_percept percept;
+        GIVES(BEO_STATUS_OK, beo_perceive_with(producer, subscriber, NULL, voxels, VOXELS, 30000, &percept));
+        GIVES(i < 2 ? BEO_STATUS_OK : BEO_STATUS_TOO_MANY_HELD, beo_subscriber_take_completion(subscriber, &held[i], &view));
+        MUST(i == 2 || (view.voxel_count == VOXELS && view.header.sequence == percept.sequence));
+    }
+    MUST(held[2] == NULL);
+    GIVES(BEO_STATUS_OK, beo_completion_release(held[0]));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_completion_release(held[0]));
+    view.size = 0;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_subscriber_take_completion(subscriber, &held[2], &view));
+    BEO_COMPLETION_VIEW_INIT(view);
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_take_completion(subscriber, NULL, &view));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_take_completion(subscriber, &held[2], NULL));
+    GIVES(BEO_STATUS_OK, beo_subscriber_take_completion(subscriber, &held[2], &view));
+    GIVES(BEO_STATUS_EMPTY, beo_subscriber_take_completion(subscriber, &held[0], &view));
+    GIVES(BEO_STATUS_OK, beo_completion_release(held[1]));
+    /* held[2] outlives its subscriber: see main. */
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_subscriber_close((beo_subscriber *)(void *)held[2]));
+    GIVES(BEO_STATUS_OK, beo_completion_release(held[2]));
+}
+
+enum { AWAITED = 99 };
+
+static void *wait_without_end(void *subscriber) {
+    beo_percept percept;
+    for (;;) {
+        const beo_status status = beo_subscriber_take_percept(subscriber, &percept);
+        if (status == BEO_STATUS_OK && percept.sensor_stamp_ns == AWAITED) {
+            return NULL;
+        }
+        /* One wake-up can stand for several percepts: all are taken before waiting again. */
+        if (status < 0 || (status != BEO_STATUS_OK && beo_subscriber_wait(subscriber, -1) < 0)) {
+            return (void *)"an error";
+        }
+    }
+}
+
+/* From any thread, one at a time. */
+static void threads(const char *instance, beo_producer *producer) {
+    beo_subscriber *subscriber;
+    GIVES(BEO_STATUS_OK, beo_subscriber_open(instance, NULL, &subscriber));
+    pthread_t thread;
+    MUST(pthread_create(&thread, NULL, wait_without_end, subscriber) == 0);
+    beo_status status;
+    do { /* until the other thread waits */
+        status = beo_subscriber_wait(subscriber, 0);
+    } while (status != BEO_STATUS_BUSY);
+    beo_observation_header header;
+    GIVES(BEO_STATUS_OK, beo_observation_header_init(&header, SIDE, SIDE, SIDE));
+    header.sensor_stamp_ns = AWAITED;
+    beo_loan *loan;
+    uint8_t *voxels;
+    GIVES(BEO_STATUS_OK, beo_producer_loan(producer, &loan, &voxels, NULL));
+    memset(voxels, 255, VOXELS);
+    GIVES(BEO_STATUS_OK, beo_loan_commit(loan, &header, NULL));
+    void *result;
+    MUST(pthread_join(thread, &result) == 0 && result == NULL);
+    GIVES(BEO_STATUS_OK, beo_subscriber_close(subscriber));
+}
+
+static void waiting(beo_subscriber *subscriber, beo_producer *producer) {
+    beo_percept percept;
+    uint64_t id;
+    GIVES(BEO_STATUS_OK, beo_producer_id(producer, &id));
+    while (beo_subscriber_take_percept(subscriber, &percept) != BEO_STATUS_OK || percept.producer_id != id) {
+        MUST(beo_subscriber_wait(subscriber, 50) >= 0); /* until the observation of `loans` has been answered */
+    }
+    while (beo_subscriber_wait(subscriber, 0) == BEO_STATUS_OK) {
+    }
+    GIVES(BEO_STATUS_TIMEOUT, beo_subscriber_wait(subscriber, 0));
+    GIVES(BEO_STATUS_TIMEOUT, beo_subscriber_wait(subscriber, 30));
+    GIVES(BEO_STATUS_EMPTY, beo_subscriber_take_percept(subscriber, &percept));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_take_percept(subscriber, NULL));
+
+    /* The caller's signals are the caller's. */
+    struct sigaction action, found;
+    const int signals[] = {SIGINT, SIGTERM, SIGPIPE, SIGSEGV, SIGBUS, SIGUSR1};
+    for (size_t i = 0; i < sizeof signals / sizeof *signals; i++) {
+        MUST(sigaction(signals[i], NULL, &found) == 0);
+#ifndef __SANITIZE_ADDRESS__
+        MUST(found.sa_handler == SIG_DFL);
+#else
+        MUST(signals[i] == SIGSEGV || signals[i] == SIGBUS || found.sa_handler == SIG_DFL);
+#endif
+    }
+    memset(&action, 0, sizeof action);
+    action.sa_handler = ignore_alarm;
+    MUST(sigaction(SIGALRM, &action, NULL) == 0);
+    alarm(1);
+    GIVES(BEO_STATUS_INTERRUPTED, beo_subscriber_wait(subscriber, -1));
+
+    /* A poll loop of the caller's. */
+    struct pollfd entry = {-1, POLLIN, 0};
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_file_descriptor(subscriber, NULL));
+    GIVES(BEO_STATUS_OK, beo_subscriber_file_descriptor(subscriber, &entry.fd));
+    beo_loan *loan;
+    uint8_t *voxels;
+    GIVES(BEO_STATUS_OK, beo_producer_loan(producer, &loan, &voxels, NULL));
+    memset(voxels, 255, VOXELS);
+    GIVES(BEO_STATUS_OK, beo_loan_commit(loan, NULL, NULL));
+    beo_status status;
+    do {
+        MUST(poll(&entry, 1, 30000) == 1);
+        MUST(beo_subscriber_wait(subscriber, 0) >= 0);
+        status = beo_subscriber_take_percept(subscriber, &percept);
+    } while (status == BEO_STATUS_EMPTY);
+    MUST(status == BEO_STATUS_OK);
+
+    beo_daemon_status daemon;
+    uint64_t age;
+    while (beo_subscriber_status(subscriber, &daemon, &age) == BEO_STATUS_EMPTY) {
+        beo_subscriber_wait(subscriber, 50);
+    }
+    MUST(daemon.class_count == 10 && daemon.dims[0] == SIDE && daemon.model_id == percept.model_id && age > 0);
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_subscriber_status(subscriber, NULL, &age));
+}
+
+int main(int argc, char **argv) {
+    if (argc != 3) {
+        fprintf(stderr, "misuse INSTANCE NOBODY\n");
+        return 2;
+    }
+    texts();
+    nulls();
+    opening(argv[1], argv[2]);
+
+    beo_subscriber_options options = BEO_SUBSCRIBER_OPTIONS_INIT;
+    options.completion = 1;
+    beo_subscriber *subscriber;
+    beo_producer *producer;
+    GIVES(BEO_STATUS_OK, beo_subscriber_open(argv[1], &options, &subscriber));
+    GIVES(BEO_STATUS_OK, beo_producer_open(argv[1], SIDE, SIDE, SIDE, NULL, &producer));
+    loans(producer, subscriber);
+    waiting(subscriber, producer);
+    completions(producer, subscriber);
+    threads(argv[1], producer);
+
+    /* What was taken or loaned outlives its handle. */
+    static uint8_t unknown[VOXELS];
+    memset(unknown, 255, VOXELS);
+    beo_percept percept;
+    beo_completion_view view;
+    BEO_COMPLETION_VIEW_INIT(view);
+    beo_completion *completion;
+    beo_loan *loan;
+    uint8_t *voxels;
+    while (beo_subscriber_take_completion(subscriber, &completion, &view) == BEO_STATUS_OK) {
+        GIVES(BEO_STATUS_OK, beo_completion_release(completion));
+    }
+    GIVES(BEO_STATUS_OK, beo_perceive_with(producer, subscriber, NULL, unknown, VOXELS, 30000, &percept));
+    GIVES(BEO_STATUS_OK, beo_subscriber_take_completion(subscriber, &completion, &view));
+    GIVES(BEO_STATUS_OK, beo_producer_loan(producer, &loan, &voxels, NULL));
+    GIVES(BEO_STATUS_OK, beo_subscriber_close(subscriber));
+    GIVES(BEO_STATUS_OK, beo_producer_close(producer));
+    unsigned long sum = 0;
+    for (size_t i = 0; i < view.voxel_count; i++) {
+        sum += view.occupancy[i];
+    }
+    MUST(sum > 0);
+    memset(voxels, 0, VOXELS);
+    GIVES(BEO_STATUS_NOT_RUNNING, beo_loan_commit(loan, NULL, NULL));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_loan_abandon(loan));
+    GIVES(BEO_STATUS_OK, beo_completion_release(completion));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_subscriber_close(subscriber));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_subscriber_wait(subscriber, -1));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_subscriber_take_percept(subscriber, &percept));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_producer_close(producer));
+    GIVES(BEO_STATUS_BAD_HANDLE, beo_producer_loan(producer, &loan, &voxels, NULL));
+    printf("the law holds\n");
+    return 0;
+}
