@@ -290,7 +290,10 @@ typedef struct beo_observation_header {
     uint32_t view;
     /** Name of the sensor's or the world's frame, UTF-8, padded with NUL. */
     uint8_t frame_id[32];
-    /** The `object_id` of this producer's object whose last answer narrows the pose search; read if `continues` is 1. */
+    /**
+     * The `object_id` of this producer's object whose last answer narrows the pose search; read if `continues` is 1 and there is
+     * no rotation prior.
+     */
     uint64_t continued_object_id;
     /** 1 if this observation continues the stream `continued_object_id`, 0 if not. */
     uint32_t continues;
