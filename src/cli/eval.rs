@@ -57,7 +57,7 @@ pub struct Eval {
     /// Seed of the sample and of the rotations
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Write the outcome as JSON: one object, or a list when several methods are given; with --icp, {methods, icp}
+    /// Write the outcome as JSON: one object, or a list when several methods are given; with --icp, the object has `icp` too, or {methods, icp}
     #[arg(long, value_name = "OUT")]
     json: Option<PathBuf>,
     /// Draw completion error, pose error, query time, accuracy, reliability and some completions into this folder
@@ -230,7 +230,10 @@ impl Eval {
                 several => serde_json::to_value(several)?,
             };
             if self.icp {
-                outcome = serde_json::json!({ "methods": outcome, "icp": icp });
+                match &mut outcome {
+                    serde_json::Value::Object(one) => drop(one.insert("icp".into(), serde_json::to_value(&icp)?)),
+                    several => *several = serde_json::json!({ "methods": several.take(), "icp": icp }),
+                }
             }
             let text = serde_json::to_string_pretty(&outcome)?;
             std::fs::write(path, text + "\n").map_err(cannot_write(path))?;

@@ -58,9 +58,14 @@ fn summary(model: &Model, file_bytes: u64) -> String {
         4 * (class.mean.len() + class.covariance.len() + class.directions.len() + hulls) + 8 * class.variances.len()
     };
     let parts: usize = model.classes.iter().map(size).sum();
+    // Of the symmetric matrices the file holds one half.
+    let halves: usize = model.classes.iter().map(|c| 1 + c.hulls.len()).sum::<usize>() * 4 * (a * (a - 1) / 2);
+    let halved = parts - halves;
     // What `Perceiver` derives: prefix sums of W', class bases with mean and constant over voxels, factors of the hull densities.
     let modes: usize = model.classes.iter().map(|c| c.variances.len() + 2).sum();
     let derived = 4 * (d * a + d * modes + model.views().len() * model.classes.len() * a * a);
+    let densities = &model.view_densities;
+    let turned = 2 * (densities.basis.len() + densities.means.len() + densities.whitening.len() + densities.regression.len());
     let shapes: usize = meta.classes.iter().map(|c| c.shapes).sum();
     let views: Vec<&str> = model.views().iter().map(|v| v.name()).collect();
     let licence = if meta.licence.is_empty() { "not stated" } else { &meta.licence };
@@ -68,8 +73,11 @@ fn summary(model: &Model, file_bytes: u64) -> String {
         ("model", format!("{:016x}, format {}, by beo {}", model.id, meta.format_version, meta.beo_version)),
         ("grid", format!("{}, longest side of meshes {} voxels", meta.dims, set.longest_side)),
         ("basis", format!("rank {a} over {d} voxels, noise variance {:.5}", meta.noise_variance)),
-        ("file", format!("{}: {} basis (mapped), {} classes", mb(file_bytes as usize), mb(2 * d * a), mb(parts))),
-        ("memory", format!("about {} when answering queries", mb(2 * d * a + parts + derived))),
+        (
+            "file",
+            format!("{}: {} basis (mapped), {} classes, {} turned objects", mb(file_bytes as usize), mb(2 * d * a), mb(halved), mb(turned)),
+        ),
+        ("memory", format!("about {} when answering queries", mb(2 * d * a + parts + turned + derived))),
         (
             "training",
             format!("{shapes} shapes in {} classes, splits {}, views {}", meta.classes.len(), set.splits.join(", "), views.join(", ")),

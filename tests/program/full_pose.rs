@@ -124,3 +124,28 @@ fn a_rotation_prior_decides_between_what_looks_alike() {
     let percept = answer(&seen(&object, &rotation), &query);
     assert!(percept.rotation.angle_to(&rotation) < 15_f64.to_radians(), "{}", percept.rotation.angle_to(&rotation));
 }
+
+#[test]
+fn an_object_that_tumbles_is_followed() {
+    let step = Rotation::from_scaled_axis(Vector3::new(0.05, 0.03, 0.04));
+    let start = Rotation::from_scaled_axis(Vector3::new(0.4, 0.1, 0.2));
+    // From frame to frame the answer should turn by `step`: how often does it do something else?
+    let flips = |class: &str, followed: bool| {
+        let object = furniture::make(class, dims(), 140).unwrap();
+        let (mut query, mut rotation, mut last, mut flips) = (told(class), start, None, 0);
+        for _ in 0..60 {
+            let percept = answer(&seen(&object, &rotation), &query);
+            flips += usize::from(last.is_some_and(|last: Rotation| (step * last).angle_to(&percept.rotation) > 30_f64.to_radians()));
+            last = Some(percept.rotation);
+            if followed {
+                query.rotation_prior = RotationPrior::continuing(&percept);
+            }
+            rotation = step * rotation;
+        }
+        flips
+    };
+    for class in ["bathtub", "dresser", "night_stand"] {
+        let (alone, followed) = (flips(class, false), flips(class, true));
+        assert!(alone >= 10 && followed <= 1, "{class}: {alone} alone, {followed} followed");
+    }
+}
