@@ -3,16 +3,14 @@
 use super::metrics::{self, CalibrationFigures, iou};
 pub use super::metrics::{Milliseconds, PoseErrors, PoseFigures};
 use super::symmetry::{Symmetries, rotation_error};
-use crate::grid::{Observation, Occupancy, Rotation, Turn, View, yaw};
+use crate::grid::{Observation, Occupancy, Rotation, Turn, View, uniform_rotation, yaw};
 use crate::perception::{Method, PerceiveError, Perceiver, Percept, PoseSearch, Query};
 use crate::shapes::library::{Shape, Shapes};
-use nalgebra::Quaternion;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 use std::time::Instant;
 
 /// Class, truth and posterior of one query.
@@ -45,16 +43,11 @@ pub struct Protocol {
 pub fn draw_rotation(pose: PoseSearch, seed: u64, place: usize) -> Rotation {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(place as u64 + 1);
-    let [u, v, w]: [f64; 3] = std::array::from_fn(|_| rng.random_range(0.0..1.0));
+    let numbers: [f64; 3] = std::array::from_fn(|_| rng.random_range(0.0..1.0));
     match pose {
         PoseSearch::Known => Rotation::identity(),
-        PoseSearch::Yaw { span } => yaw(u * span),
-        PoseSearch::Full => {
-            // Shoemake, "Uniform random rotations", Graphics Gems III, 1992.
-            let ((sin1, cos1), (sin2, cos2)) = ((TAU * v).sin_cos(), (TAU * w).sin_cos());
-            let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
-            Rotation::from_quaternion(Quaternion::new(b * cos2, a * sin1, a * cos1, b * sin2))
-        }
+        PoseSearch::Yaw { span } => yaw(numbers[0] * span),
+        PoseSearch::Full => uniform_rotation(numbers),
     }
 }
 

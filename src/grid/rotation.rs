@@ -5,7 +5,8 @@
 
 use super::{Dims, Observation, Occupancy};
 use fixedbitset::FixedBitSet;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use std::f64::consts::TAU;
 
 /// A rotation from object axes to grid axes.
 pub type Rotation = UnitQuaternion<f64>;
@@ -30,7 +31,15 @@ pub fn yaw(angle: f64) -> Rotation {
 
 /// The angle about +z of a rotation about z, in \[0, 2π); of any other rotation, that of the nearest rotation about z.
 pub fn yaw_of(rotation: &Rotation) -> f64 {
-    (2.0 * rotation.k.atan2(rotation.w)).rem_euclid(std::f64::consts::TAU)
+    (2.0 * rotation.k.atan2(rotation.w)).rem_euclid(TAU)
+}
+
+/// The rotation that three numbers in \[0, 1) stand for; uniform if these are (Shoemake, "Uniform random rotations", Graphics
+/// Gems III, 1992).
+pub fn uniform_rotation([u, v, w]: [f64; 3]) -> Rotation {
+    let ((sin1, cos1), (sin2, cos2)) = ((TAU * v).sin_cos(), (TAU * w).sin_cos());
+    let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
+    Rotation::from_quaternion(Quaternion::new(b * cos2, a * sin1, a * cos1, b * sin2))
 }
 
 /// Where the voxels of a turned grid come from.
@@ -175,6 +184,18 @@ mod tests {
             a >= 0.0 && b >= 0.0 && object.is_filled(a as usize, b as usize, k)
         });
         assert_eq!(turned, expected);
+    }
+
+    #[test]
+    fn uniform_numbers_give_uniform_rotations() {
+        // Over SO(3) the angle from any rotation has density (1 − cos θ) / π: half of it below 2.31 radians or so.
+        let n = 24;
+        let number = |i: usize| (i as f64 + 0.5) / n as f64;
+        let all = (0..n * n * n).map(|i| uniform_rotation([number(i / n / n), number(i / n % n), number(i % n)]));
+        let from = yaw(1.0);
+        let median = 2.309_881_460_010_057;
+        let below = all.filter(|r| r.angle_to(&from) < median).count() as f64 / (n * n * n) as f64;
+        assert!((below - 0.5).abs() < 0.01, "{below}");
     }
 
     proptest! {

@@ -9,7 +9,7 @@
 //! - Covariance: that of the class in the bin, shrunk, with a share of the mean over the bin's classes.
 
 use super::shrinkage::{centre, shrunk_covariance};
-use crate::grid::{HeightMap, Occupancy, Pooling, Rotation, yaw};
+use crate::grid::{HeightMap, Occupancy, Pooling, Rotation, uniform_rotation, yaw};
 use crate::learning::render::Renderer;
 use crate::linear::{LinearError, cholesky, invert_lower, symmetric_eigen};
 use crate::model::{DIRECTIONS, ViewDensities};
@@ -18,7 +18,7 @@ use crate::perception::pose::viewpoint::{TURNS, frame};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use half::f16;
-use nalgebra::{Quaternion, Vector3};
+use nalgebra::Vector3;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -82,7 +82,8 @@ fn feature_basis(classes: &[Vec<&Occupancy>], seed: u64) -> Result<(Mat<f64>, f6
             let mut rng = stream(seed, u64::MAX, view);
             let renderer = Renderer::new(shapes[view * shapes.len() / count]);
             let mut map = HeightMap::new(dims);
-            renderer.render(&uniform(&mut rng), pooling.columns().map(|(column, _)| column), &mut map);
+            let turned = uniform_rotation(std::array::from_fn(|_| rng.random_range(0.0..1.0)));
+            renderer.render(&turned, pooling.columns().map(|(column, _)| column), &mut map);
             let mut pooled = vec![0.0; cells];
             pooling.pool(&map, &mut pooled);
             pooled
@@ -146,14 +147,6 @@ fn stream(seed: u64, class: u64, view: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream((class << 32) ^ (view as u64 + 1));
     rng
-}
-
-/// A uniform rotation (Shoemake 1992).
-fn uniform(rng: &mut ChaCha8Rng) -> Rotation {
-    let [u, v, w]: [f64; 3] = std::array::from_fn(|_| rng.random_range(0.0..1.0));
-    let ((sin1, cos1), (sin2, cos2)) = ((TAU * v).sin_cos(), (TAU * w).sin_cos());
-    let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
-    Rotation::from_quaternion(Quaternion::new(b * cos2, a * sin1, a * cos1, b * sin2))
 }
 
 /// E: a tilt uniform over the disc that has the area of a bin, then a turn about z uniform over the step of the turns.

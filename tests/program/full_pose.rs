@@ -1,29 +1,12 @@
 //! Pose over all rotations: what turns with the query, what cannot be told, what is expected.
 
-use crate::harness::{RESOLUTION, model};
+use crate::harness::{answer, dims, seen};
 use beo::evaluation::protocol::draw_rotation;
-use beo::grid::{Dims, Observation, Occupancy, Outside, Rotation, Turn, View, yaw};
-use beo::perception::{Method, Perceiver, Percept, PoseSearch, Query, RotationPrior};
+use beo::grid::{Observation, Occupancy, Outside, Rotation, Turn, View, yaw};
+use beo::perception::{Method, PoseSearch, Query, RotationPrior};
 use beo::shapes::furniture;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::sync::{Arc, OnceLock};
-
-fn dims() -> Dims {
-    Dims::cube(RESOLUTION).unwrap()
-}
-
-fn perceiver() -> &'static Perceiver {
-    static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
-    PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo::model::load(model()).unwrap())).unwrap())
-}
-
-fn answer(observation: &Observation, query: &Query) -> Percept {
-    let (mut work, mut percept) = (perceiver().workspace(), Percept::default());
-    perceiver().classify(observation, query, &mut work, &mut percept).unwrap();
-    perceiver().complete(query, &mut work, &mut percept).unwrap();
-    percept
-}
 
 fn query() -> Query {
     Query { pose: PoseSearch::Full, completion: true, ..Query::default() }
@@ -33,10 +16,6 @@ fn query() -> Query {
 fn told(class: &str) -> Query {
     let only = |c: &str| if c == class { 0.0 } else { f64::NEG_INFINITY };
     Query { log_prior: furniture::CLASSES.iter().map(|c| only(c)).collect(), ..query() }
-}
-
-fn seen(object: &Occupancy, rotation: &Rotation) -> Observation {
-    View::Top.of(&Turn::new(object.dims(), rotation).occupancy(object))
 }
 
 fn chair(seed: u64) -> Occupancy {

@@ -1,13 +1,14 @@
 //! Starting the program, a small model to serve, and ending every process by its id.
 
-use beo::grid::Dims;
+use beo::grid::{Dims, Observation, Occupancy, Rotation, Turn, View};
+use beo::perception::{Perceiver, Percept, Query};
 use beo::shapes::{furniture, write_binvox};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// No step of a test takes longer than this on the slowest machine; it ends what hangs, it measures nothing.
@@ -159,6 +160,26 @@ pub fn model() -> &'static Path {
         (folder, path)
     });
     path
+}
+
+/// Size of the small model's grids.
+pub fn dims() -> Dims {
+    Dims::cube(RESOLUTION).unwrap()
+}
+
+/// What the small model answers, without a daemon.
+pub fn answer(observation: &Observation, query: &Query) -> Percept {
+    static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
+    let perceiver = PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo::model::load(model()).unwrap())).unwrap());
+    let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+    perceiver.classify(observation, query, &mut work, &mut percept).unwrap();
+    perceiver.complete(query, &mut work, &mut percept).unwrap();
+    percept
+}
+
+/// What is seen from above of an object turned by `rotation`.
+pub fn seen(object: &Occupancy, rotation: &Rotation) -> Observation {
+    View::Top.of(&Turn::new(object.dims(), rotation).occupancy(object))
 }
 
 /// A daemon with the small model, ready to answer.

@@ -1,40 +1,19 @@
 //! Pose: what turns with the query, what cannot be told, what is expected, and what is followed from frame to frame.
 
-use crate::harness::{RESOLUTION, instance, model, run, serve, shape, text};
-use beo::grid::{Dims, Observation, Occupancy, Outside, Rotation, Turn, View, yaw, yaw_of};
-use beo::perception::{Frame, Method, PaperPose, Perceiver, Percept, PoseSearch, Query, RotationPrior};
+use crate::harness::{RESOLUTION, answer, dims, instance, model, run, seen, serve, shape, text};
+use beo::grid::{Observation, Occupancy, Outside, Rotation, Turn, View, yaw, yaw_of};
+use beo::perception::{Frame, Method, PaperPose, PoseSearch, Query, RotationPrior};
 use beo::shapes::furniture;
 use beo_ipc::{InstanceName, ObservationHeader, Producer, Subscriber, SubscriberOptions};
 use nalgebra::Quaternion;
 use serde_json::Value;
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 const WAIT: Duration = Duration::from_secs(60);
 
-fn dims() -> Dims {
-    Dims::cube(RESOLUTION).unwrap()
-}
-
-fn perceiver() -> &'static Perceiver {
-    static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
-    PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo::model::load(model()).unwrap())).unwrap())
-}
-
-fn answer(observation: &Observation, query: &Query) -> Percept {
-    let (mut work, mut percept) = (perceiver().workspace(), Percept::default());
-    perceiver().classify(observation, query, &mut work, &mut percept).unwrap();
-    perceiver().complete(query, &mut work, &mut percept).unwrap();
-    percept
-}
-
 fn yaw_query() -> Query {
     Query { pose: PoseSearch::YAW, completion: true, ..Query::default() }
-}
-
-fn seen(object: &Occupancy, rotation: &Rotation) -> Observation {
-    View::Top.of(&Turn::new(object.dims(), rotation).occupancy(object))
 }
 
 /// A table as broad as long, that a quarter turn leaves as it is.
