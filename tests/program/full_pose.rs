@@ -2,7 +2,7 @@
 
 use crate::harness::{answer, dims, seen};
 use beo::evaluation::protocol::draw_rotation;
-use beo::grid::{Observation, Occupancy, Outside, Rotation, Turn, View, yaw};
+use beo::grid::{Observation, Occupancy, Outside, Rotation, Turn, yaw};
 use beo::perception::{Method, PoseSearch, Query, RotationPrior};
 use beo::shapes::furniture;
 use nalgebra::Vector3;
