@@ -1,5 +1,6 @@
 //! An observation taken apart: what estimators read of it (V_q and w_q of eq. 13), and its visual hull.
 
+use super::tiles::{Division, Tiling};
 use crate::grid::{Dims, Observation, for_each_run};
 use fixedbitset::FixedBitSet;
 
@@ -10,6 +11,8 @@ pub struct Known {
     pub hull: FixedBitSet,
     /// Runs of unknown voxels, bottom up.
     pub unknown: Vec<(usize, usize)>,
+    /// The same voxels, as whole levels of tiles and the runs that remain.
+    pub division: Division,
     /// Known filled voxels, ascending.
     pub filled: Vec<usize>,
 }
@@ -20,6 +23,7 @@ impl Known {
         Self {
             hull: FixedBitSet::with_capacity(dims.voxels()),
             unknown: Vec::with_capacity(dims.voxels() / 2),
+            division: Division::default(),
             filled: Vec::with_capacity(dims.voxels()),
         }
     }
@@ -33,6 +37,7 @@ impl Known {
         mask_tail(&mut self.hull);
         self.unknown.clear();
         for_each_run(&self.hull, dims, 0..dims.columns(), |start, end| self.unknown.push((start, end)));
+        Tiling::new(dims).divide(&self.unknown, &mut self.division);
         self.hull.union_with(observation.filled());
         self.filled.clear();
         self.filled.extend(observation.filled().ones());

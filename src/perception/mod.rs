@@ -5,6 +5,7 @@
 //! | `known` | an observation taken apart: hull, unknown runs, filled voxels | V_q, w_q of eq. 13 |
 //! | `projection` | linear projection onto W' by runs of voxels | eq. 5 |
 //! | `density` | Gaussian and Student-t class densities | eqs. 9, 10 |
+//! | `tiles` | Gram matrices of stacks of voxels, summed once | eq. 16 |
 //! | `subspace` | a class conditioned on the known voxels: evidence, posterior mean and variance | eqs. 1, 6, 15–17 |
 //! | `paper` | lasso and ridge projection onto W' | eqs. 13–18 |
 //! | `blend` | from scores to a posterior | eq. 9 |
@@ -31,6 +32,7 @@ mod posing;
 mod projection;
 mod scoring;
 mod subspace;
+mod tiles;
 
 pub use density::Density;
 pub use known::Known;

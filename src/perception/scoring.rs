@@ -9,8 +9,8 @@ use crate::model::Blend;
 use rayon::prelude::*;
 
 /// Classes whose posterior by the hull is below this share of the best one's are not worth computing their evidence, which
-/// weighs little in the blend.
-const HOPELESS: f64 = 1e-5;
+/// weighs little in the blend: on objects held out of ModelNet10's `train`, no answer and no log loss changed.
+const HOPELESS: f64 = 1e-2;
 
 impl Perceiver {
     /// Scores and posterior of the observation that `work` has read.

@@ -6,6 +6,7 @@
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
 use super::known::Known;
+use super::tiles::{TileGrams, Tiling};
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
@@ -27,6 +28,8 @@ pub struct ClassSubspace {
     scales: Vec<f64>,
     /// Gram matrix of the rows over all voxels, (k + 2)², lower half.
     gram: Mat<f64>,
+    /// The same over stacks of voxels.
+    tiles: TileGrams,
 }
 
 /// The posterior of one class given one query; reused from query to query.
@@ -42,6 +45,8 @@ pub struct Conditional {
     gathered: Vec<f32>,
     product: Mat<f32>,
     unknown: Mat<f64>,
+    /// Lower triangle of the sum over whole levels of tiles.
+    packed: Vec<f64>,
     /// Sum of the rows of filled voxels.
     filled: Vec<f64>,
     factor: Mat<f64>,
@@ -58,6 +63,7 @@ impl Conditional {
             gathered: Vec::with_capacity(BLOCK * (size + 2)),
             product: Mat::zeros(size + 2, size + 2),
             unknown: Mat::zeros(size + 2, size + 2),
+            packed: vec![0.0; (size + 2) * (size + 3) / 2],
             filled: vec![0.0; size + 2],
             factor: Mat::zeros(size, size),
         }
@@ -95,7 +101,8 @@ impl ClassSubspace {
                 (j..width).for_each(|i| gram[(i, j)] += f64::from(part[(i, j)]));
             }
         }
-        Self { size: k, rows, scales: class.variances.iter().map(|v| v.sqrt()).collect(), gram }
+        let tiles = TileGrams::new(Tiling::new(dims), &rows, width);
+        Self { size: k, rows, scales: class.variances.iter().map(|v| v.sqrt()).collect(), gram, tiles }
     }
 
     /// Number of directions, k.
@@ -171,8 +178,13 @@ impl ClassSubspace {
     /// The Gram matrix of the rows over the unknown voxels, into `out.unknown`.
     fn unknown_gram(&self, known: &Known, out: &mut Conditional) {
         let width = self.size + 2;
+        out.packed.fill(0.0);
+        self.tiles.add(&known.division.levels, &mut out.packed);
+        let mut packed = &out.packed[..];
         for j in 0..width {
-            out.unknown.col_as_slice_mut(j).fill(0.0);
+            let (column, tail) = packed.split_at(width - j);
+            packed = tail;
+            out.unknown.col_as_slice_mut(j)[j..].copy_from_slice(column);
         }
         out.gathered.clear();
         let flush = |gathered: &mut Vec<f32>, product: &mut Mat<f32>, sum: &mut Mat<f64>| {
@@ -184,7 +196,7 @@ impl ClassSubspace {
             }
             gathered.clear();
         };
-        for &(start, end) in &known.unknown {
+        for &(start, end) in &known.division.rest {
             out.gathered.extend_from_slice(&self.rows[start * width..end * width]);
             if out.gathered.len() >= (BLOCK - 256) * width {
                 flush(&mut out.gathered, &mut out.product, &mut out.unknown);
@@ -291,9 +303,12 @@ mod tests {
         // 20 known voxels (the dense check inverts 20 × 20), 5 of them filled.
         let known: Vec<usize> = (0..20).map(|i| 3 + i * 11).collect();
         let filled: Vec<usize> = known.iter().copied().step_by(4).collect();
-        let unknown: Vec<(usize, usize)> = (0..d).filter(|v| !known.contains(v)).map(|v| (v, v + 1)).collect();
+        let code = |v: usize| if filled.contains(&v) { 1 } else { u8::from(!known.contains(&v)) * 255 };
+        let observation = crate::grid::Observation::from_bytes(dims, &(0..d).map(code).collect::<Vec<_>>()).unwrap();
+        let mut read = Known::new(dims);
+        read.read(&observation);
         let mut conditional = Conditional::new(k);
-        subspace.condition(&Known { unknown, filled: filled.clone(), ..Known::default() }, noise, &mut conditional).unwrap();
+        subspace.condition(&read, noise, &mut conditional).unwrap();
         subspace.prepare(&mut conditional);
 
         let value = |v: usize, h: usize| f64::from(basis.row(v)[h].to_f32());

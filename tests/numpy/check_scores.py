@@ -39,6 +39,7 @@ except ImportError as error:
 TOLERANCE = 1e-3  # of posteriors; of scores relative to max(1, |score|)
 VOXELS = 2  # of completions
 YAW_QUERIES = 20
+HOPELESS = 0.01
 FEWEST_FILLED = 16
 UNKNOWN, EMPTY, FILLED = 255, 0, 1
 RUNS = {
@@ -266,7 +267,13 @@ class Model:
 
         def blended(name):
             blend = self.calibration[name]
-            total = blend["hull"] * hull + blend["evidence"] * evidence + blend["distance"] * distance
+            said = evidence
+            if name == "auto":
+                # Classes that the hull leaves less than 1 % of the best one's posterior count with the best evidence of the others.
+                by_hull = blended("hull")
+                likely = by_hull >= HOPELESS * by_hull.max()
+                said = np.where(likely, evidence, evidence[likely].max())
+            total = blend["hull"] * hull + blend["evidence"] * said + blend["distance"] * distance
             return softmax(total + np.array(blend["offsets"]))
 
         out = {}
