@@ -2,6 +2,7 @@
 
 use super::failure::{Failure, cannot_write};
 use crate::model::{Blend, ClassModel, Metadata, Model, load, verify};
+use crate::perception::Perceiver;
 use crate::picture::{Chart, Image, draw_probability, draw_weights, sheet};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -61,9 +62,7 @@ fn summary(model: &Model, file_bytes: u64) -> String {
     // Of the symmetric matrices the file holds one half.
     let halves: usize = model.classes.iter().map(|c| 1 + c.hulls.len()).sum::<usize>() * 4 * (a * (a - 1) / 2);
     let halved = parts - halves;
-    // What `Perceiver` derives: prefix sums of W', class bases with mean and constant over voxels, factors of the hull densities.
-    let modes: usize = model.classes.iter().map(|c| c.variances.len() + 2).sum();
-    let derived = 4 * (d * a + d * modes + model.views().len() * model.classes.len() * a * a);
+    let derived = Perceiver::derived_bytes(model);
     let densities = &model.view_densities;
     let turned = 2 * (densities.basis.len() + densities.means.len() + densities.whitening.len() + densities.regression.len());
     let shapes: usize = meta.classes.iter().map(|c| c.shapes).sum();

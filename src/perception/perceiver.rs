@@ -7,6 +7,7 @@ use super::pose::posterior::Sample;
 use super::pose::view_scores::ViewScores;
 use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
+use super::tiles::Tiling;
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
 use crate::grid::{Dims, Observation, Rotation};
 use crate::linear::LinearError;
@@ -91,6 +92,16 @@ impl Perceiver {
             noise,
             model,
         })
+    }
+
+    /// Bytes that [`Self::new`] derives from a model: prefix sums of W', class bases over voxels with their Gram matrices, factors
+    /// of the hull densities.
+    pub fn derived_bytes(model: &Model) -> usize {
+        let (d, a) = (model.dims().voxels(), model.rank());
+        let cells = Tiling::new(model.dims()).cells();
+        let widths = model.classes.iter().map(|c| c.variances.len() + 2);
+        let classes: usize = widths.map(|width| d * width + cells * width * (width + 1) / 2).sum();
+        4 * (d * a + classes + model.views().len() * (model.classes.len() + 1) * a * (a + 1) / 2)
     }
 
     /// The model.

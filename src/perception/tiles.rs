@@ -31,6 +31,11 @@ impl Tiling {
         Self { dims, edge, counts }
     }
 
+    /// Sums that are kept: levels of all tiles.
+    pub fn cells(&self) -> usize {
+        self.counts.iter().product()
+    }
+
     fn tiles(&self) -> usize {
         self.counts[0] * self.counts[1]
     }
