@@ -4,11 +4,46 @@ use crate::linear::{LinearError, cholesky, invert_lower, log_determinant};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 
+/// L⁻¹ of a symmetric positive definite matrix L Lᵀ.
+pub struct Whitening {
+    /// Its rows, lower triangular, packed: row i has i + 1 values.
+    rows: Vec<f32>,
+    rank: usize,
+}
+
+impl Whitening {
+    /// Of a matrix (a × a, lower half), which is replaced by L.
+    pub fn new(matrix: &mut Mat<f64>) -> Result<Self, LinearError> {
+        let a = matrix.nrows();
+        cholesky(matrix)?;
+        let inverse = invert_lower(matrix.as_ref());
+        let rows = (0..a).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| inverse[(i, j)] as f32).collect();
+        Ok(Self { rows, rank: a })
+    }
+
+    /// Calls `value` with the values of L⁻¹ z, in order.
+    pub fn apply(&self, z: &[f32], mut value: impl FnMut(f32)) {
+        // Compiled for the instruction sets of the CPU that it runs on.
+        pulp::Arch::new().dispatch(|| {
+            let mut rest = &self.rows[..];
+            for i in 0..self.rank {
+                let (row, tail) = rest.split_at(i + 1);
+                rest = tail;
+                value(dot(row, z));
+            }
+        });
+    }
+
+    /// The entry in row i and column j.
+    fn entry(&self, i: usize, j: usize) -> f32 {
+        if j <= i { self.rows[i * (i + 1) / 2 + j] } else { 0.0 }
+    }
+}
+
 /// A multivariate Student-t density, or its limit, the Gaussian (eq. 10), up to a constant that is common to all classes.
 pub struct Density {
     mean: Vec<f32>,
-    /// Rows of L⁻¹, lower triangular, packed: row i has i + 1 values.
-    whitening: Vec<f32>,
+    whitening: Whitening,
     /// −½ log |Σ|.
     log_volume: f64,
 }
@@ -18,9 +53,7 @@ impl Density {
     pub fn new(mean: &[f32], scale: &[f32]) -> Result<Self, LinearError> {
         let a = mean.len();
         let mut factor = Mat::from_fn(a, a, |i, j| f64::from(scale[i * a + j]));
-        cholesky(&mut factor)?;
-        let inverse = invert_lower(factor.as_ref());
-        let whitening = (0..a).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| inverse[(i, j)] as f32).collect();
+        let whitening = Whitening::new(&mut factor)?;
         Ok(Self { mean: mean.to_vec(), whitening, log_volume: -0.5 * log_determinant(factor.as_ref()) })
     }
 
@@ -29,23 +62,15 @@ impl Density {
         for ((out, z), mean) in centred.iter_mut().zip(z).zip(&self.mean) {
             *out = z - mean;
         }
-        // Compiled for the instruction sets of the CPU that it runs on.
-        pulp::Arch::new().dispatch(|| {
-            let mut sum = 0.0;
-            let mut rest = &self.whitening[..];
-            for i in 0..self.mean.len() {
-                let (row, tail) = rest.split_at(i + 1);
-                rest = tail;
-                sum += f64::from(dot(row, centred)).powi(2);
-            }
-            sum
-        })
+        let mut sum = 0.0;
+        self.whitening.apply(centred, |value| sum += f64::from(value).powi(2));
+        sum
     }
 
     /// Squared Mahalanobis distances of many points, one per row of `points` (n × a), by one matrix product.
     pub fn distances2(&self, points: MatRef<'_, f32>) -> Vec<f64> {
         let a = self.mean.len();
-        let whitening = Mat::from_fn(a, a, |i, j| if j <= i { self.whitening[i * (i + 1) / 2 + j] } else { 0.0 });
+        let whitening = Mat::from_fn(a, a, |i, j| self.whitening.entry(i, j));
         let centred = Mat::from_fn(a, points.nrows(), |j, i| points[(i, j)] - self.mean[j]);
         let mut whitened = Mat::<f32>::zeros(a, points.nrows());
         matmul(whitened.as_mut(), Accum::Replace, whitening.as_ref(), centred.as_ref(), 1.0, Par::Seq);

@@ -2,8 +2,10 @@
 //!
 //! The grid has steps of 10°, finer than the modes of objects seen at 30³. Against exhaustive search at 1° on 870 queries of
 //! objects held out of ModelNet10's `train`, the best class was another in at most 3 over half a circle and 5 over the whole
-//! (steps of 5° and 15° did alike); the mean error was 5.5° against 5.2°. There is no guarantee: a mode narrower than half a
-//! step can be missed.
+//! (steps of 5° and 15° did alike); the mean error was 5.5° against 5.2°.
+//!
+//! What is guaranteed: the answer is at least as probable as the best angle of the grid, from which the best of all is no
+//! more than half a step away. A mode exp(κ cos θ) can so be missed for one that is at most κ (1 − cos 5°) nats below it.
 
 use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
@@ -213,14 +215,26 @@ mod tests {
     }
 
     #[test]
+    fn of_a_peak_alone_the_top_is_found() {
+        for i in 0..100 {
+            let (top, sharp) = (0.063 * f64::from(i), 30.0 + f64::from(i * 7 % 100));
+            let circle = circle(TAU, &[]);
+            let angles = circle.search(|a| Ok::<_, Infallible>(vec![sharp * apart(a, top).cos()])).unwrap();
+            let found = circle.best(&angles, 0).unwrap().angle;
+            assert!(apart(found, top) < 0.05 * DEGREE, "{} {}", found / DEGREE, top / DEGREE);
+        }
+    }
+
+    #[test]
     fn an_error_of_the_score_is_passed_on() {
         assert_eq!(circle(TAU, &[]).search(|a| if a > 1.0 { Err("no") } else { Ok(vec![0.0]) }).unwrap_err(), "no");
     }
 
     proptest! {
         /// Against exhaustive search at a hundredth of a degree, for two classes with peaks as wide as those of real objects.
+        /// A broad peak between two steps of the grid can hide a sharp one beside it: by no more than is guaranteed.
         #[test]
-        fn the_best_angle_of_each_class_is_that_of_exhaustive_search(
+        fn the_search_keeps_its_guarantee_against_exhaustive_search(
             peaks in prop::collection::vec((0.0..TAU, 5.0..30.0_f64, 30.0..200.0_f64), 2..6)
         ) {
             let score = |angle: f64, class: usize| {
@@ -231,8 +245,9 @@ mod tests {
             let angles = circle.search(|a| Ok::<_, Infallible>(vec![score(a, 0), score(a, 1)])).unwrap();
             let exhaustive = (0..36_000).map(|i| f64::from(i) * DEGREE / 100.0);
             let best = exhaustive.flat_map(|a| [score(a, 0), score(a, 1)]).fold(f64::NEG_INFINITY, f64::max);
+            let sharpest = peaks.iter().map(|peak| peak.2).fold(0.0, f64::max);
             let found = (0..2).map(|class| score(circle.best(&angles, class).unwrap().angle, class)).fold(f64::NEG_INFINITY, f64::max);
-            prop_assert!(best - found < 0.05, "{best} {found}");
+            prop_assert!(best - found < 0.001 + sharpest * (1.0 - (5.0 * DEGREE).cos()), "{best} {found}");
         }
     }
 }

@@ -6,9 +6,9 @@
 //! all classes share one covariance, so that an angle costs one projection, one whitening, and one distance per class.
 
 use crate::grid::{Dims, column_sources, for_each_run};
-use crate::linear::{LinearError, cholesky, invert_lower};
+use crate::linear::LinearError;
 use crate::perception::ColumnSums;
-use crate::perception::density::dot;
+use crate::perception::density::Whitening;
 use faer::Mat;
 use fixedbitset::FixedBitSet;
 
@@ -23,8 +23,8 @@ pub fn log_residual(volume: f64, projected: &[f32]) -> f64 {
 
 /// Student-t densities of all classes with one common scale matrix.
 pub struct CommonDensity {
-    /// Rows of L⁻¹ of the scale matrix, packed: row i has i + 1 values.
-    whitening: Vec<f32>,
+    /// L⁻¹ of the scale matrix.
+    whitening: Whitening,
     /// L⁻¹ times the class means, a values per class.
     means: Vec<f32>,
     rank: usize,
@@ -34,12 +34,8 @@ pub struct CommonDensity {
 impl CommonDensity {
     /// Densities with these means (a values each) and the scale matrix `common` (a × a, lower half).
     pub fn new(means: &[&[f32]], common: &Mat<f64>, degrees_of_freedom: f64) -> Result<Self, LinearError> {
-        let a = common.nrows();
-        let mut factor = common.clone();
-        cholesky(&mut factor)?;
-        let inverse = invert_lower(factor.as_ref());
-        let whitening = (0..a).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| inverse[(i, j)] as f32).collect();
-        let mut densities = Self { whitening, means: Vec::new(), rank: a, degrees_of_freedom };
+        let whitening = Whitening::new(&mut common.clone())?;
+        let mut densities = Self { whitening, means: Vec::new(), rank: common.nrows(), degrees_of_freedom };
         for mean in means {
             let whitened = densities.whiten(mean);
             densities.means.extend(whitened);
@@ -49,14 +45,7 @@ impl CommonDensity {
 
     fn whiten(&self, z: &[f32]) -> Vec<f32> {
         let mut out = Vec::with_capacity(self.rank);
-        pulp::Arch::new().dispatch(|| {
-            let mut rest = &self.whitening[..];
-            for i in 0..self.rank {
-                let (row, tail) = rest.split_at(i + 1);
-                rest = tail;
-                out.push(dot(row, z));
-            }
-        });
+        self.whitening.apply(z, |value| out.push(value));
         out
     }
 
