@@ -3,7 +3,7 @@
 use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::shapes::{MeshArguments, ViewArgument};
-use crate::grid::{Rotation, yaw_of};
+use crate::grid::{Rotation, to_xyzw, yaw_of};
 use crate::model::load;
 use crate::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
 use clap::Args;
@@ -99,10 +99,8 @@ impl Perceive {
             let posterior: BTreeMap<&str, f64> = names.iter().copied().zip(percept.posterior.iter().copied()).collect();
             if self.json {
                 let scores: BTreeMap<&str, f64> = names.iter().copied().zip(percept.scores.iter().copied()).collect();
-                let hypothesis = |h: &Hypothesis| {
-                    let rotation = [h.rotation.i, h.rotation.j, h.rotation.k, h.rotation.w];
-                    json!({ "rotation": rotation, "class": names[h.class], "probability": h.probability })
-                };
+                let hypothesis =
+                    |h: &Hypothesis| json!({ "rotation": to_xyzw(&h.rotation), "class": names[h.class], "probability": h.probability });
                 let line = json!({
                     "file": file.display().to_string(),
                     "class": names[percept.class],

@@ -4,13 +4,12 @@ use super::failure::{Failure, cannot_write};
 use super::observe::{first_status, seconds};
 use super::perceive::describe_pose;
 use super::stop;
-use crate::grid::{Dims, Observation, Rotation};
+use crate::grid::{Dims, Observation, Rotation, from_xyzw};
 use crate::picture::{draw_completion, draw_observation, draw_poses, sheet};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::from_field;
 use beo_ipc::{Completion, Hypothesis, InstanceName, Percept, PerceptStatus, Status, Subscriber, SubscriberOptions, tasks};
 use clap::Args;
-use nalgebra::Quaternion;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -124,8 +123,7 @@ fn classes(percept: &Percept) -> usize {
 
 /// A hypothesis' rotation and probability.
 fn posed(h: &Hypothesis) -> (Rotation, f64) {
-    let [x, y, z, w] = h.rotation_object_to_grid.map(f64::from);
-    (Rotation::from_quaternion(Quaternion::new(w, x, y, z)), f64::from(h.probability))
+    (from_xyzw(h.rotation_object_to_grid.map(f64::from)), f64::from(h.probability))
 }
 
 fn hypotheses(percept: &Percept) -> &[Hypothesis] {

@@ -5,7 +5,7 @@
 
 use super::{Dims, Observation, Occupancy};
 use fixedbitset::FixedBitSet;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 use std::f64::consts::TAU;
 
 /// A rotation from object axes to grid axes.
@@ -40,6 +40,26 @@ pub fn uniform_rotation([u, v, w]: [f64; 3]) -> Rotation {
     let ((sin1, cos1), (sin2, cos2)) = ((TAU * v).sin_cos(), (TAU * w).sin_cos());
     let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
     Rotation::from_quaternion(Quaternion::new(b * cos2, a * sin1, a * cos1, b * sin2))
+}
+
+/// The rotation of a unit quaternion x, y, z, w, as messages and JSON have them.
+pub fn from_xyzw([x, y, z, w]: [f64; 4]) -> Rotation {
+    Rotation::from_quaternion(Quaternion::new(w, x, y, z))
+}
+
+/// Its unit quaternion x, y, z, w.
+pub fn to_xyzw(rotation: &Rotation) -> [f64; 4] {
+    rotation.coords.into()
+}
+
+/// The mean of weighted rotations that lie near `middle`, by their quaternions; `middle` where nothing has weight.
+pub fn mean_rotation(middle: &Rotation, weighted: impl Iterator<Item = (Rotation, f64)>) -> Rotation {
+    // q and −q are the same rotation: the one on the side of the middle is added.
+    let sum = weighted.fold(Vector4::zeros(), |sum, (rotation, weight)| {
+        let q = rotation.coords;
+        sum + q * (weight * q.dot(&middle.coords).signum())
+    });
+    if sum.norm() > 0.0 { Rotation::from_quaternion(Quaternion::from(sum)) } else { *middle }
 }
 
 /// Where the voxels of a turned grid come from.
@@ -184,6 +204,13 @@ mod tests {
             a >= 0.0 && b >= 0.0 && object.is_filled(a as usize, b as usize, k)
         });
         assert_eq!(turned, expected);
+    }
+
+    #[test]
+    fn quaternions_are_x_y_z_w() {
+        let rotation = Rotation::from_euler_angles(0.1, -0.4, 2.0);
+        assert_eq!(to_xyzw(&rotation), [rotation.i, rotation.j, rotation.k, rotation.w]);
+        assert!(from_xyzw(to_xyzw(&rotation)).angle_to(&rotation) < 1e-9);
     }
 
     #[test]

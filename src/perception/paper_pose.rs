@@ -9,7 +9,7 @@ use super::perceiver::{PerceiveError, Perceiver, Workspace};
 use super::pose::grid::{count_for, rotations};
 use super::pose::posterior::Sample;
 use super::{Percept, PoseSearch, Query, density, paper};
-use crate::grid::{Rotation, Turn, distance_transform, yaw};
+use crate::grid::{Rotation, distance_transform, yaw};
 use crate::linear::LinearError;
 use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
@@ -107,7 +107,7 @@ impl Perceiver {
             let densities = looked.iter().map(|l| l.densities[s]);
             let peak = densities.clone().fold(f64::NEG_INFINITY, f64::max);
             let sum: f64 = densities.map(|d| (d - peak).exp()).sum();
-            percept.scores.push(if peak.is_finite() { peak } else { 0.0 });
+            percept.scores.push(peak);
             percept.posterior.push(if peak.is_finite() { peak + sum.ln() + query.log_prior(s) } else { f64::NEG_INFINITY });
         }
         softmax(&mut percept.posterior);
@@ -123,7 +123,7 @@ impl Perceiver {
         work: &Workspace,
     ) -> Result<Looked, LinearError> {
         let dims = self.model.dims();
-        let turned = Turn::new(dims, &rotation.inverse()).observation(&work.seen, query.outside);
+        let turned = self.turned_back(&work.seen, &rotation, query);
         let mut known = Known::new(dims);
         known.read(&turned);
         let (gram, b) = self.normal_equations(&known);

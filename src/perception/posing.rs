@@ -23,6 +23,8 @@ impl Perceiver {
             PoseSearch::Yaw { span } => self.find_yaw(span, query, work, percept)?,
             PoseSearch::Full => self.find_full(query, work, percept)?,
         }
+        // A class that was left out has no score: zero, not minus infinity.
+        percept.scores.iter_mut().filter(|score| !score.is_finite()).for_each(|score| *score = 0.0);
         percept.class = most_probable(&percept.posterior);
         let averaged = matches!(query.pose, PoseSearch::Yaw { .. });
         percept.spread = hypotheses(&work.samples, &percept.posterior, MODE_RADIUS, averaged, &mut percept.hypotheses);
@@ -90,13 +92,7 @@ impl Perceiver {
 
     /// Looks for the angles by the hull, all classes with one covariance. What enters counts as empty even where nothing is known
     /// of it: filled, as unknown voxels of a hull are, it would be a wall that no object has.
-    pub(crate) fn search_hull(
-        &self,
-        view: usize,
-        circle: &Circle<'_>,
-        wanted: &[bool],
-        work: &mut Workspace,
-    ) -> Result<Vec<Angle>, LinearError> {
+    fn search_hull(&self, view: usize, circle: &Circle<'_>, wanted: &[bool], work: &mut Workspace) -> Result<Vec<Angle>, LinearError> {
         work.columns.read(self.model.dims(), &work.known.hull);
         let columns = &work.columns;
         circle.search(|angle| {
@@ -137,12 +133,10 @@ impl Perceiver {
             }
         }
         softmax(&mut percept.posterior);
-        // A class without a finite score has none: what is left of it is zero, not minus infinity.
-        percept.scores.iter_mut().filter(|score| !score.is_finite()).for_each(|score| *score = 0.0);
     }
 
     /// Log density of the hull turned back by `angle`, for each class with its own covariance. `work.columns` holds the hull.
-    pub(crate) fn score_angle(&self, view: usize, angle: f64, work: &mut Workspace) -> Vec<f64> {
+    fn score_angle(&self, view: usize, angle: f64, work: &mut Workspace) -> Vec<f64> {
         let volume = work.columns.project(self.model.dims(), &self.sums, -angle, &mut work.projected);
         let residual = log_residual(volume, &work.projected);
         let dof = self.model.metadata.calibration.degrees_of_freedom;

@@ -2,12 +2,11 @@
 
 use super::streams::Waiting;
 use super::tracks::Tracks;
-use crate::grid::{Outside, Rotation, View};
+use crate::grid::{Outside, Rotation, View, from_xyzw, to_xyzw};
 use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, RotationPrior, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
 use beo_ipc::{CompletionFrame, Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
-use nalgebra::Quaternion;
 
 /// Answers observations with one model.
 pub struct Answerer {
@@ -93,8 +92,8 @@ impl Answerer {
             _ => Frame::Grid,
         };
         query.rotation_prior = if header.rotation_prior_concentration > 0.0 {
-            let [x, y, z, w] = header.rotation_prior.map(f64::from);
-            RotationPrior::around(Rotation::from_quaternion(Quaternion::new(w, x, y, z)), f64::from(header.rotation_prior_concentration))
+            let expected = from_xyzw(header.rotation_prior.map(f64::from));
+            RotationPrior::around(expected, f64::from(header.rotation_prior_concentration))
         } else if header.continues != 0 {
             self.tracks.expectation(header.producer_id, header.continued_object_id).cloned().unwrap_or_default()
         } else {
@@ -137,7 +136,7 @@ pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method:
 }
 
 fn quaternion(rotation: &Rotation) -> [f32; 4] {
-    [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32)
+    to_xyzw(rotation).map(|v| v as f32)
 }
 
 /// The same percept, saying that the daemon failed.

@@ -47,13 +47,16 @@ impl Examples {
         Self::compiled("C", ["camera", "listen", "grasp"].map(program))
     }
 
-    pub fn cpp() -> Self {
+    pub fn cpp() -> Option<Self> {
+        if !Language::Cpp.is_here() {
+            return None;
+        }
         let program = |name| (name, compile(Language::Cpp, &Language::Cpp.example(name), &format!("cpp-{name}"), sanitizers()));
-        Self::compiled("C++", ["camera", "listen", "grasp"].map(program))
+        Some(Self::compiled("C++", ["camera", "listen", "grasp"].map(program)))
     }
 
     pub fn all() -> Vec<Self> {
-        [Self::rust(), Self::c(), Self::cpp()].into_iter().chain(python::examples()).collect()
+        [Self::rust(), Self::c()].into_iter().chain(Self::cpp()).chain(python::examples()).collect()
     }
 }
 

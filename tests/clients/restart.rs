@@ -48,7 +48,7 @@ fn rust_clients_survive_the_kill_of_the_daemon() {
 
 #[test]
 fn who_comes_before_the_daemon_waits_for_it() {
-    for examples in [Examples::c(), Examples::cpp()] {
+    for examples in std::iter::once(Examples::c()).chain(Examples::cpp()) {
         let name = instance();
         let listener = (examples.start)("listen", &[&name, "1"]);
         let _daemon = serve(&name);

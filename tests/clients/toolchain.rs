@@ -74,6 +74,15 @@ impl Language {
         command
     }
 
+    /// Whether its compiler is here: a machine for Rust has one of C, and may have none of C++. Says so if not.
+    pub fn is_here(self) -> bool {
+        let here = self.compiler().arg("--version").stdin(Stdio::null()).output().is_ok();
+        if !here {
+            skip(&format!("{self:?}: there is no compiler"));
+        }
+        here
+    }
+
     /// The source of an example.
     pub fn example(self, name: &str) -> PathBuf {
         repository().join("examples").join(match self {

@@ -1,6 +1,6 @@
 //! Peaks among scored rotations, and the mean rotation of what lies around them.
 
-use crate::grid::Rotation;
+use crate::grid::{Rotation, mean_rotation};
 
 /// Rotations within this of a better one belong to its mode.
 const RADIUS: f64 = 25.0 / 180.0 * std::f64::consts::PI;
@@ -42,15 +42,9 @@ pub fn modes(candidates: &[Candidate], temperature: f64, most: usize) -> Vec<Mod
         let best = &candidates[peak];
         let members: Vec<usize> =
             (peak..candidates.len()).filter(|i| !taken[*i] && candidates[*i].cell.coords.dot(&best.cell.coords).abs() >= near).collect();
-        let mut sum = nalgebra::Vector4::zeros();
-        for &i in &members {
-            taken[i] = true;
-            // q and −q are the same rotation: the one on the side of the best is added.
-            let q = candidates[i].rotation.coords;
-            let weight = ((candidates[i].score - best.score) / temperature).exp();
-            sum += q * weight * q.dot(&best.rotation.coords).signum();
-        }
-        let rotation = Rotation::from_quaternion(nalgebra::Quaternion::from(sum));
+        members.iter().for_each(|i| taken[*i] = true);
+        let weight = |candidate: &Candidate| ((candidate.score - best.score) / temperature).exp();
+        let rotation = mean_rotation(&best.rotation, members.iter().map(|i| (candidates[*i].rotation, weight(&candidates[*i]))));
         modes.push(Mode { rotation, score: best.score, members });
     }
     modes

@@ -1,7 +1,6 @@
 //! The posterior over class and rotation, as weighted samples, and what is published of it: a few hypotheses and a spread.
 
-use crate::grid::Rotation;
-use nalgebra::{Quaternion, Vector4};
+use crate::grid::{Rotation, mean_rotation};
 
 /// Most hypotheses of an answer.
 pub const MOST_HYPOTHESES: usize = 8;
@@ -96,18 +95,8 @@ fn middle(from: &[(f64, Sample)], peak: &Sample) -> Rotation {
     let top = from.iter().take_while(|(_, s)| s.log_density >= peak.log_density - TOP_DEPTH).filter(|(_, s)| s.class == peak.class);
     let mut centre = peak.rotation;
     for _ in 0..5 {
-        let mut sum = Vector4::zeros();
-        for (weight, sample) in top.clone() {
-            let cosine = sample.rotation.coords.dot(&centre.coords);
-            if cosine.abs() >= nearest {
-                sum += sample.rotation.coords * (weight * cosine.signum());
-            }
-        }
-        // A peak without weight of its own stands for itself.
-        if sum.norm() == 0.0 {
-            break;
-        }
-        centre = Rotation::from_quaternion(Quaternion::from(sum));
+        let near = top.clone().filter(|(_, s)| s.rotation.coords.dot(&centre.coords).abs() >= nearest);
+        centre = mean_rotation(&centre, near.map(|(weight, s)| (s.rotation, *weight)));
     }
     centre
 }
