@@ -560,8 +560,8 @@ beo_status beo_subscriber_close(struct beo_subscriber *subscriber);
  * percepts and completions there are: one wake-up can stand for several.
  *
  * `BEO_STATUS_TIMEOUT` if nothing came, `BEO_STATUS_NOT_RUNNING` if nothing came and no daemon is there: waiting again is right for both,
- * as this call also connects to the next daemon. `BEO_STATUS_INTERRUPTED` if a signal came: the library installs no handlers, the caller's
- * have run.
+ * as this call also connects to the next daemon. `BEO_STATUS_INTERRUPTED` if a signal came while it slept: the library installs no
+ * handlers, the caller's have run. One that comes just before it sleeps does not end it: whoever stops by a signal waits with a timeout.
  */
 beo_status beo_subscriber_wait(struct beo_subscriber *subscriber,
                                int32_t timeout_ms);
