@@ -2,8 +2,8 @@
 
 use super::blend::{Scores, softmax};
 use super::known::Known;
-use super::perceiver::{PerceiveError, Perceiver, Workspace};
-use super::{Density, Method, Percept, Query, paper};
+use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
+use super::{ClassSubspace, Conditional, Density, Method, Percept, Query, paper};
 use crate::linear::LinearError;
 use crate::model::Blend;
 use rayon::prelude::*;
@@ -67,12 +67,15 @@ impl Perceiver {
 
     /// Evidence of the classes that are `wanted`. The others get that of the best of these: it then says nothing about them.
     fn score_evidence(&self, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
-        self.subspaces
-            .par_iter()
-            .zip(&mut work.conditionals)
-            .zip(&work.wanted)
-            .filter(|(_, wanted)| **wanted)
-            .try_for_each(|((class, conditional), _)| class.condition(&work.known, self.noise, conditional))?;
+        let condition = |((class, conditional), wanted): ((&ClassSubspace, &mut Conditional), &bool)| match wanted {
+            true => class.condition(&work.known, self.noise, conditional),
+            false => Ok(()),
+        };
+        if self.model.dims().voxels() <= ALONE {
+            self.subspaces.iter().zip(&mut work.conditionals).zip(&work.wanted).try_for_each(condition)?;
+        } else {
+            self.subspaces.par_iter().zip(&mut work.conditionals).zip(&work.wanted).try_for_each(condition)?;
+        }
         let scores = &mut work.scores;
         let computed = || work.conditionals.iter().zip(&work.wanted).filter(|(_, wanted)| **wanted).map(|(c, _)| c);
         let best = computed().map(|c| c.log_evidence).fold(f64::NEG_INFINITY, f64::max);

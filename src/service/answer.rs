@@ -3,6 +3,7 @@
 use super::streams::Waiting;
 use super::tracks::Tracks;
 use crate::grid::{Outside, Rotation, View, from_xyzw, to_xyzw};
+use crate::perception::lanes::to_bytes;
 use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, RotationPrior, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
@@ -119,7 +120,7 @@ impl Answerer {
         header.frame = waiting.header.completion_frame;
         let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
         for (bytes, values) in [(occupancy, &self.percept.occupancy), (deviation, &self.percept.deviation)] {
-            bytes.iter_mut().zip(values).for_each(|(byte, value)| *byte = (value * 255.0 + 0.5) as u8);
+            to_bytes(values, bytes);
         }
         loan.send().map_err(|error| error.to_string())
     }
