@@ -358,7 +358,7 @@ mod tests {
         let axis = Axis::new(None, true, false, [2.0, 0.0, 200.0].into_iter());
         assert_eq!(axis.range, 2.0..200.0);
         let frame = Frame::new(&chart, [1.0].into_iter(), Horizontal::Numbers(axis));
-        assert_eq!((frame.x(2.0), frame.x(200.0), frame.x(20.0)), (frame.left, frame.right, (frame.left + frame.right) / 2));
+        assert_eq!((frame.x(2.0), frame.x(200.0), frame.x(20.0)), (frame.left, frame.right, (frame.left + frame.right + 1) / 2));
     }
 
     #[test]

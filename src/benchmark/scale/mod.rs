@@ -25,4 +25,4 @@ mod sweep;
 
 pub use growth::{Line, Series};
 pub use report::{chart, table};
-pub use sweep::{ScaleError, Sweep, measure};
+pub use sweep::{Scale, ScaleError, Sweep};

@@ -14,12 +14,20 @@ pub struct Recipe {
     pub resolution: usize,
     /// Number of classes, at least one.
     pub classes: usize,
-    /// Components of each class, at most one less than its shapes.
+    /// Components of each class.
     pub basis: usize,
 }
 
-/// Shapes of a class beyond the components that are learned from them.
-const MORE_SHAPES: usize = 10;
+/// A class has this many shapes for each component, and some more: also the half that is left of them in cross-validation then
+/// has more shapes than components, and so something that these do not explain, the noise.
+const SHAPES: usize = 2;
+const MORE_SHAPES: usize = 6;
+
+impl std::fmt::Display for Recipe {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} classes, {} components of each, {}", self.classes, self.basis, self.dims())
+    }
+}
 
 impl Recipe {
     /// Size of the grids.
@@ -30,7 +38,7 @@ impl Recipe {
     /// Learns it; the same recipe gives the same model.
     pub fn learn(&self) -> Result<Model, TrainError> {
         let dims = self.dims();
-        let count = self.basis + MORE_SHAPES;
+        let count = SHAPES * self.basis + MORE_SHAPES;
         let make = |i: usize| {
             let (class, number) = (i / count, i % count);
             Shape { object: shapes::make(dims, class, number as u64), class, file: format!("{class}/{number}") }

@@ -11,7 +11,7 @@ pub fn table(series: &Series) -> String {
     let width = series.lines.iter().map(|line| line.name.len()).max().unwrap_or(0).max("median, µs".len());
     let _ = write!(text, "  {:width$}", "median, µs");
     text.extend(first.points.iter().map(|(size, _)| format!("{:>10}", rounded(*size))));
-    let _ = writeln!(text, "{:>10}{:>10}", "exponent", "at most");
+    let _ = writeln!(text, "{:>10}{:>10}", "exponent", "expected");
     for line in &series.lines {
         let _ = write!(text, "  {:width$}", line.name);
         text.extend(line.points.iter().map(|(_, time)| format!("{:>10}", rounded(*time))));
@@ -50,7 +50,7 @@ mod tests {
         let series = Series { name: "classes".into(), setting: "30³".into(), why: "because".into(), lines: vec![line, once] };
         let text = table(&series);
         let words = |line: usize| text.lines().nth(line).unwrap().split_whitespace().collect::<Vec<_>>();
-        assert_eq!(words(1), ["median,", "µs", "2", "4", "8", "exponent", "at", "most"]);
+        assert_eq!(words(1), ["median,", "µs", "2", "4", "8", "exponent", "expected"]);
         assert_eq!(words(2), ["class", "40", "80", "160", "1.00", "3"]);
         assert_eq!(words(3), ["completion", "1234", "-", "0"]);
         assert_eq!(chart(&series).width(), 860);

@@ -12,6 +12,7 @@ use beo_ipc::{InstanceNameError, LoanError, OpenError, ReceiveError, SendError, 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::cell::OnceCell;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -74,12 +75,22 @@ pub enum ScaleError {
 struct Effort {
     /// Time for each series, at least; models are learned besides.
     time: Duration,
-    /// The model of which one number is varied.
+    /// The model that is asked where the queries are varied.
     recipe: Recipe,
+    /// Of models with many classes or components, which take long to learn.
+    resolution: usize,
 }
 
-const THOROUGH: Effort = Effort { time: Duration::from_secs(6), recipe: Recipe { resolution: 30, classes: 10, basis: 30 } };
-const QUICK: Effort = Effort { time: Duration::from_millis(100), recipe: Recipe { resolution: 12, classes: 3, basis: 5 } };
+const THOROUGH: Effort = Effort { time: Duration::from_secs(6), recipe: Recipe { resolution: 30, classes: 10, basis: 30 }, resolution: 20 };
+const QUICK: Effort = Effort { time: Duration::from_millis(100), recipe: Recipe { resolution: 12, classes: 3, basis: 5 }, resolution: 12 };
+
+/// Measures series.
+pub struct Scale {
+    quick: bool,
+    effort: Effort,
+    /// What the effort's recipe gives, once it was needed.
+    perceiver: OnceCell<Arc<Perceiver>>,
+}
 
 /// Queries of one case before it is the next one's turn.
 const BATCH: usize = 5;
@@ -88,43 +99,117 @@ const FEWEST_ROUNDS: usize = 3;
 /// Different observations of each case.
 const OBSERVATIONS: usize = 40;
 
-/// Measures one series; with `quick` at few small sizes, to see that it works.
-pub fn measure(sweep: Sweep, quick: bool) -> Result<Series, ScaleError> {
-    let effort = if quick { QUICK } else { THOROUGH };
-    match sweep {
-        Sweep::Classes => classes(&effort, if quick { &[2, 4] } else { &[2, 5, 10, 20, 40] }),
-        Sweep::Basis => basis(&effort, if quick { &[3, 6] } else { &[5, 10, 20, 40, 80] }),
-        Sweep::Resolution => resolution(&effort, if quick { &[10, 14] } else { &[16, 24, 32, 48, 64] }),
-        Sweep::Unknown => unknown(&effort, if quick { &[0.2, 0.8] } else { &[0.05, 0.1, 0.2, 0.4, 0.8] }),
-        Sweep::Threads => threads(&effort),
-        Sweep::Subscribers => subscribers(&effort, if quick { &[1, 2] } else { &[1, 2, 4, 8, 16] }),
+impl Scale {
+    /// Thoroughly, or `quick`: at few small sizes, to see that it works.
+    pub fn new(quick: bool) -> Self {
+        Self { quick, effort: if quick { QUICK } else { THOROUGH }, perceiver: OnceCell::new() }
     }
-}
 
-fn classes(effort: &Effort, sizes: &[usize]) -> Result<Series, ScaleError> {
-    let recipe = Recipe { basis: effort.recipe.basis.min(10), ..effort.recipe };
-    let setting = format!("{} components of each class, {}", recipe.basis, recipe.dims());
-    let why = "the shared basis has a column for every component and mean: a hull is whitened by a triangle of a² / 2 for every class, \
-               in the search over yaw at the best angle of every class; at most three classes complete";
-    let cases = sizes.iter().map(|&classes| Recipe { classes, ..recipe }.asked(|_| classes as f64));
-    of_queries("classes", setting, why, [3.0, 0.0, 4.0], cases, effort)
-}
+    /// Measures one series.
+    pub fn measure(&self, sweep: Sweep) -> Result<Series, ScaleError> {
+        let quick = self.quick;
+        match sweep {
+            Sweep::Classes => self.classes(if quick { &[2, 4] } else { &[2, 5, 10, 20, 40] }),
+            Sweep::Basis => self.basis(if quick { &[3, 6] } else { &[5, 10, 20, 40, 80] }),
+            Sweep::Resolution => self.resolution(if quick { &[10, 14] } else { &[16, 24, 32, 48, 64] }),
+            Sweep::Unknown => self.unknown(if quick { &[0.2, 0.8] } else { &[0.05, 0.1, 0.2, 0.4, 0.8] }),
+            Sweep::Threads => self.threads(),
+            Sweep::Subscribers => self.subscribers(if quick { &[1, 2] } else { &[1, 2, 4, 8, 16] }),
+        }
+    }
 
-fn basis(effort: &Effort, sizes: &[usize]) -> Result<Series, ScaleError> {
-    let recipe = Recipe { classes: effort.recipe.classes.min(5), ..effort.recipe };
-    let setting = format!("{} classes, {}", recipe.classes, recipe.dims());
-    let why = "Gram matrices, whitening and variances take squares of it";
-    let mean_size = |model: &Model| model.metadata.classes.iter().map(|c| c.basis_size as f64).sum::<f64>() / model.classes.len() as f64;
-    let cases = sizes.iter().map(|&basis| Recipe { basis, ..recipe }.asked(mean_size));
-    of_queries("components of a class", setting, why, [2.0, 2.0, 2.0], cases, effort)
-}
+    fn classes(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
+        let recipe = Recipe { resolution: self.effort.resolution, basis: 5, ..self.effort.recipe };
+        let setting = format!("{} components of each class, {}", recipe.basis, recipe.dims());
+        let why = "the shared basis has a column for every component and mean: a hull is whitened by a triangle of a² / 2 for every \
+                   class, in the search over yaw at the best angle of every class; at most three classes complete";
+        let cases = sizes.iter().map(|&classes| Recipe { classes, ..recipe }.asked(|_| classes as f64));
+        self.queries("classes", setting, why, [3.0, 0.0, 4.0], cases)
+    }
 
-fn resolution(effort: &Effort, sizes: &[usize]) -> Result<Series, ScaleError> {
-    let recipe = Recipe { classes: effort.recipe.classes.min(5), basis: effort.recipe.basis.min(10), ..effort.recipe };
-    let setting = format!("{} classes, {} components of each", recipe.classes, recipe.basis);
-    let why = "hidden voxels grow with its cube, what is taken column by column with its square";
-    let cases = sizes.iter().map(|&resolution| Recipe { resolution, ..recipe }.asked(|_| resolution as f64));
-    of_queries("voxels along a side", setting, why, [3.0, 3.0, 3.0], cases, effort)
+    fn basis(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
+        let recipe = Recipe { resolution: self.effort.resolution, classes: 5, ..self.effort.recipe };
+        let setting = format!("{} classes, {}", recipe.classes, recipe.dims());
+        let why = "Gram matrices, whitening and variances take squares of it";
+        let mean_size =
+            |model: &Model| model.metadata.classes.iter().map(|c| c.basis_size as f64).sum::<f64>() / model.classes.len() as f64;
+        let cases = sizes.iter().map(|&basis| Recipe { basis, ..recipe }.asked(mean_size));
+        self.queries("components of a class", setting, why, [2.0; 3], cases)
+    }
+
+    fn resolution(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
+        let recipe = Recipe { classes: 3, basis: 10, ..self.effort.recipe };
+        let setting = format!("{} classes, {} components of each", recipe.classes, recipe.basis);
+        let why = "hidden voxels grow with its cube, what is taken column by column with its square";
+        let cases = sizes.iter().map(|&resolution| Recipe { resolution, ..recipe }.asked(|_| resolution as f64));
+        self.queries("voxels along a side", setting, why, [3.0; 3], cases)
+    }
+
+    fn threads(&self) -> Result<Series, ScaleError> {
+        let (recipe, perceiver) = (self.effort.recipe, self.perceiver()?);
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        // All of them up to four, then twice as many each time.
+        let sizes = (1..=cores).filter(|n| *n <= 4 || n.is_power_of_two() || *n == cores);
+        let cases = sizes.map(|threads| {
+            let pool: ThreadPool = ThreadPoolBuilder::new().num_threads(threads).build()?;
+            Ok((threads as f64, Asked::new(perceiver.clone(), recipe.observations(OBSERVATIONS), Some(pool))))
+        });
+        self.queries("threads", recipe.to_string(), "at best the work is shared evenly", [-1.0; 3], cases)
+    }
+
+    fn unknown(&self, shares: &[f64]) -> Result<Series, ScaleError> {
+        let (recipe, perceiver) = (self.effort.recipe, self.perceiver()?);
+        let shapes: Vec<Occupancy> = recipe.observations(OBSERVATIONS).iter().map(Observation::hull).collect();
+        let asked = |hide: Hide, share: f64| Asked::new(perceiver.clone(), shapes.iter().map(|shape| hide(shape, share)).collect(), None);
+        let hidings: [(&str, Hide); 2] = [("stacks", below_a_level), ("scattered", scattered)];
+        let mut cases: Vec<Asked> = hidings.iter().flat_map(|(_, hide)| shares.iter().map(|share| asked(*hide, *share))).collect();
+        let medians = in_turns(&mut cases, Asked::once, self.effort.time)?;
+        let mut lines = Vec::new();
+        for ((hiding, _), medians) in hidings.iter().zip(medians.chunks(shares.len())) {
+            for (stage, name) in queries::STAGES.iter().enumerate().take(2) {
+                lines.push(Line::new(&format!("{name}, {hiding}"), 1.0, points(shares, medians, stage)));
+            }
+        }
+        let why = "hidden voxels are summed and completed one by one, but for whole levels of stacks, whose sums are kept";
+        Ok(Series { name: "share of voxels hidden".into(), setting: format!("{recipe}, all scored by evidence"), why: why.into(), lines })
+    }
+
+    fn subscribers(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
+        let dims: Dims = self.effort.recipe.dims();
+        let sides = <[usize; 3]>::from(dims).map(|side| side as u32);
+        let mut cases = sizes.iter().map(|count| Published::open(*count, sides)).collect::<Result<Vec<_>, _>>()?;
+        let medians = in_turns(&mut cases, Published::once, self.effort.time / 3)?;
+        let sizes: Vec<f64> = sizes.iter().map(|count| *count as f64).collect();
+        let stages = publishing::STAGES.iter().enumerate();
+        let lines = stages.map(|(stage, name)| Line::new(name, 1.0, points(&sizes, &medians, stage))).collect();
+        let setting = format!("percept and completion of {dims}, all in one process");
+        let why = "every subscriber has its own queue and wake-up; the grids are written once";
+        Ok(Series { name: "subscribers".into(), setting, why: why.into(), lines })
+    }
+
+    /// A series with the lines of [`queries::STAGES`].
+    fn queries(
+        &self,
+        name: &str,
+        setting: String,
+        why: &str,
+        expected: [f64; 3],
+        cases: impl Iterator<Item = Result<(f64, Asked), ScaleError>>,
+    ) -> Result<Series, ScaleError> {
+        let (sizes, mut cases): (Vec<f64>, Vec<Asked>) = cases.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let medians = in_turns(&mut cases, Asked::once, self.effort.time)?;
+        let lines = queries::STAGES.iter().zip(expected).enumerate();
+        let lines = lines.map(|(stage, (name, expected))| Line::new(name, expected, points(&sizes, &medians, stage))).collect();
+        Ok(Series { name: name.into(), setting, why: why.into(), lines })
+    }
+
+    fn perceiver(&self) -> Result<Arc<Perceiver>, ScaleError> {
+        if self.perceiver.get().is_none() {
+            let made = Perceiver::new(Arc::new(self.effort.recipe.learn()?))?;
+            let _ = self.perceiver.set(Arc::new(made));
+        }
+        Ok(self.perceiver.get().expect("just made").clone())
+    }
 }
 
 impl Recipe {
@@ -135,40 +220,6 @@ impl Recipe {
         let perceiver = Perceiver::new(Arc::new(model))?;
         Ok((size, Asked::new(Arc::new(perceiver), self.observations(OBSERVATIONS), None)))
     }
-}
-
-fn of_queries(
-    name: &str,
-    setting: String,
-    why: &str,
-    expected: [f64; 3],
-    cases: impl Iterator<Item = Result<(f64, Asked), ScaleError>>,
-    effort: &Effort,
-) -> Result<Series, ScaleError> {
-    let (sizes, mut cases): (Vec<f64>, Vec<Asked>) = cases.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-    let medians = in_turns(&mut cases, Asked::once, effort.time)?;
-    let lines = queries::STAGES.iter().zip(expected).enumerate();
-    let lines = lines.map(|(stage, (name, expected))| Line::new(name, expected, points(&sizes, &medians, stage))).collect();
-    Ok(Series { name: name.into(), setting, why: why.into(), lines })
-}
-
-fn unknown(effort: &Effort, shares: &[f64]) -> Result<Series, ScaleError> {
-    let recipe = effort.recipe;
-    let perceiver = Arc::new(Perceiver::new(Arc::new(recipe.learn()?))?);
-    let shapes: Vec<Occupancy> = recipe.observations(OBSERVATIONS).iter().map(Observation::hull).collect();
-    let asked = |hide: Hide, share: f64| Asked::new(perceiver.clone(), shapes.iter().map(|shape| hide(shape, share)).collect(), None);
-    let hidings: [(&str, Hide); 2] = [("stacks", below_a_level), ("scattered", scattered)];
-    let mut cases: Vec<Asked> = hidings.iter().flat_map(|(_, hide)| shares.iter().map(|share| asked(*hide, *share))).collect();
-    let medians = in_turns(&mut cases, Asked::once, effort.time)?;
-    let mut lines = Vec::new();
-    for ((hiding, _), medians) in hidings.iter().zip(medians.chunks(shares.len())) {
-        for (stage, name) in queries::STAGES.iter().enumerate().take(2) {
-            lines.push(Line::new(&format!("{name}, {hiding}"), 1.0, points(shares, medians, stage)));
-        }
-    }
-    let setting = format!("{} classes, {} components of each, {}, all scored by evidence", recipe.classes, recipe.basis, recipe.dims());
-    let why = "hidden voxels are summed and completed one by one, but for whole levels of stacks, whose sums are kept";
-    Ok(Series { name: "share of voxels hidden".into(), setting, why: why.into(), lines })
 }
 
 /// Hides a share of a shape's voxels.
@@ -191,34 +242,6 @@ fn observe(shape: &Occupancy, mut is_known: impl FnMut(usize) -> bool) -> Observ
     let mut seen = Observation::unknown(shape.dims());
     (0..shape.dims().voxels()).filter(|voxel| is_known(*voxel)).for_each(|voxel| seen.set(voxel, shape.bits().contains(voxel)));
     seen
-}
-
-fn threads(effort: &Effort) -> Result<Series, ScaleError> {
-    let recipe = effort.recipe;
-    let perceiver = Arc::new(Perceiver::new(Arc::new(recipe.learn()?))?);
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    // All of them up to four, then twice as many each time.
-    let sizes = (1..=cores).filter(|n| *n <= 4 || n.is_power_of_two() || *n == cores);
-    let cases = sizes.map(|threads| {
-        let pool: ThreadPool = ThreadPoolBuilder::new().num_threads(threads).build()?;
-        Ok((threads as f64, Asked::new(perceiver.clone(), recipe.observations(OBSERVATIONS), Some(pool))))
-    });
-    let setting = format!("{} classes, {} components of each, {}", recipe.classes, recipe.basis, recipe.dims());
-    let why = "at best the work is shared evenly";
-    of_queries("threads", setting, why, [-1.0; 3], cases, effort)
-}
-
-fn subscribers(effort: &Effort, sizes: &[usize]) -> Result<Series, ScaleError> {
-    let dims: Dims = effort.recipe.dims();
-    let sides = <[usize; 3]>::from(dims).map(|side| side as u32);
-    let mut cases = sizes.iter().map(|count| Published::open(*count, sides)).collect::<Result<Vec<_>, _>>()?;
-    let medians = in_turns(&mut cases, Published::once, effort.time / 3)?;
-    let sizes: Vec<f64> = sizes.iter().map(|count| *count as f64).collect();
-    let stages = publishing::STAGES.iter().enumerate();
-    let lines = stages.map(|(stage, name)| Line::new(name, 1.0, points(&sizes, &medians, stage))).collect();
-    let setting = format!("percept and completion of {dims}, all in one process");
-    let why = "every subscriber has its own queue and wake-up; the grids are written once";
-    Ok(Series { name: "subscribers".into(), setting, why: why.into(), lines })
 }
 
 fn points(sizes: &[f64], medians: &[Vec<f64>], stage: usize) -> Vec<(f64, f64)> {

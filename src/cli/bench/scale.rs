@@ -1,6 +1,6 @@
 //! `beo bench scale`: how the cost of a query grows.
 
-use crate::benchmark::scale::{Sweep, chart, measure, table};
+use crate::benchmark::scale::{self, Sweep, chart, table};
 use crate::cli::failure::{Failure, cannot_write};
 use crate::cli::progress;
 use clap::{Args, ValueEnum};
@@ -35,9 +35,10 @@ impl Scale {
             say!("{cores} cores, {threads} worker threads; exponents are those of time ∝ size^e\n");
         }
         let bar = progress::bar(self.only.len(), "measuring");
+        let scale = scale::Scale::new(self.quick);
         let mut measured = Vec::new();
         for sweep in self.only {
-            let series = measure(sweep, self.quick)?;
+            let series = scale.measure(sweep)?;
             if let Some(folder) = &self.png {
                 let name = sweep.to_possible_value().expect("none is hidden").get_name().to_owned();
                 chart(&series).save(&folder.join(format!("scale-{name}.png")))?;
