@@ -112,7 +112,7 @@ impl Scale {
             Sweep::Classes => self.classes(if quick { &[2, 4] } else { &[2, 5, 10, 20, 40] }),
             Sweep::Basis => self.basis(if quick { &[3, 6] } else { &[5, 10, 20, 40, 80] }),
             Sweep::Resolution => self.resolution(if quick { &[10, 14] } else { &[16, 24, 32, 48, 64] }),
-            Sweep::Unknown => self.unknown(if quick { &[0.2, 0.8] } else { &[0.05, 0.1, 0.2, 0.4, 0.8] }),
+            Sweep::Unknown => self.unknown(if quick { &[0.2, 0.6] } else { &[0.05, 0.1, 0.2, 0.4, 0.6] }),
             Sweep::Threads => self.threads(),
             Sweep::Subscribers => self.subscribers(if quick { &[1, 2] } else { &[1, 2, 4, 8, 16] }),
         }
@@ -170,7 +170,8 @@ impl Scale {
                 lines.push(Line::new(&format!("{name}, {hiding}"), 1.0, points(shares, medians, stage)));
             }
         }
-        let why = "hidden voxels are summed and completed one by one, but for whole levels of stacks, whose sums are kept";
+        let why = "hidden voxels are summed and completed one by one, but for whole levels of stacks, whose sums are kept; known filled \
+                   voxels, of which the more are hidden the fewer there are, are summed too";
         Ok(Series { name: "share of voxels hidden".into(), setting: format!("{recipe}, all scored by evidence"), why: why.into(), lines })
     }
 
