@@ -25,6 +25,8 @@ pub struct Chart {
     pub y_log: bool,
     /// Range of a horizontal axis of numbers; by default from the data.
     pub x_range: Option<Range<f64>>,
+    /// Whether a horizontal axis of numbers is logarithmic; points at values that are not positive are then left out.
+    pub x_log: bool,
     /// Whether to draw the line y = x, faint.
     pub diagonal: bool,
 }
@@ -33,7 +35,7 @@ impl Chart {
     /// A chart of the default size.
     pub fn new(title: &str, x_label: &str, y_label: &str) -> Self {
         let (title, x_label, y_label) = (title.into(), x_label.into(), y_label.into());
-        Self { title, x_label, y_label, width: 760, height: 440, y_range: None, y_log: false, x_range: None, diagonal: false }
+        Self { title, x_label, y_label, width: 760, height: 440, y_range: None, y_log: false, x_range: None, x_log: false, diagonal: false }
     }
 
     /// One strip of points per category with a bar at its mean (as in the paper's Fig. 3); values that are not finite are left out.
@@ -96,16 +98,17 @@ impl Chart {
     /// One line per series through its points (x, y, weight), with a disc on each point whose area grows with its weight.
     pub fn weighted_lines(&self, series: &[WeightedSeries]) -> Image {
         let points = || series.iter().flat_map(|(_, points)| points.iter());
-        let x_axis = self.x_range.clone().unwrap_or_else(|| range_of(points().map(|p| p.0), false));
+        let x_axis = Axis::new(self.x_range.clone(), self.x_log, false, points().map(|p| p.0));
         let mut frame = Frame::new(self, points().map(|p| p.1), Horizontal::Numbers(x_axis));
         if self.diagonal {
-            let (low, high) = (frame.x_axis.start.max(frame.y_axis.range.start), frame.x_axis.end.min(frame.y_axis.range.end));
+            let (x, y) = (&frame.x_axis.range, &frame.y_axis.range);
+            let (low, high) = (x.start.max(y.start), x.end.min(y.end));
             frame.image.line((frame.x(low), frame.y(low)), (frame.x(high), frame.y(high)), 2, Colour::FAINT);
         }
         let heaviest = points().map(|p| p.2).filter(|w| w.is_finite()).fold(0.0, f64::max);
         for (s, (_, points)) in series.iter().enumerate() {
             let colour = Colour::SERIES[s % Colour::SERIES.len()];
-            let shown: Vec<_> = points.iter().filter(|p| p.0.is_finite() && frame.y_axis.shows(p.1)).collect();
+            let shown: Vec<_> = points.iter().filter(|p| frame.x_axis.shows(p.0) && frame.y_axis.shows(p.1)).collect();
             let places: Vec<_> = shown.iter().map(|p| (frame.x(p.0), frame.y(p.1))).collect();
             for pair in places.windows(2) {
                 frame.image.line(pair[0], pair[1], 2, colour);
@@ -130,12 +133,6 @@ impl Chart {
         };
         let series: Vec<_> = series.iter().map(|(name, values)| (name.clone(), steps(values))).collect();
         Self { y_range: Some(0.0..1.0), ..self.clone() }.lines(&series)
-    }
-
-    fn y_axis(&self, values: impl Iterator<Item = f64>) -> Axis {
-        let log = self.y_log;
-        let range = self.y_range.clone().unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, true) });
-        Axis { range, log }
     }
 }
 
@@ -203,18 +200,24 @@ fn log_ticks(axis: &Range<f64>) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// The vertical axis.
+/// An axis of numbers.
 struct Axis {
     range: Range<f64>,
     log: bool,
 }
 
 impl Axis {
+    /// Over a given range, or that of the values.
+    fn new(range: Option<Range<f64>>, log: bool, with_zero: bool, values: impl Iterator<Item = f64>) -> Self {
+        let range = range.unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, with_zero) });
+        Self { range, log }
+    }
+
     fn shows(&self, value: f64) -> bool {
         value.is_finite() && (!self.log || value > 0.0)
     }
 
-    /// How far up a value stands, from 0 to 1.
+    /// How far along the axis a value stands, from 0 to 1.
     fn share(&self, value: f64) -> f64 {
         let place = |v: f64| if self.log { v.ln() } else { v };
         let (low, high) = (place(self.range.start), place(self.range.end));
@@ -228,7 +231,7 @@ impl Axis {
 
 enum Horizontal<'a> {
     Categories(Vec<&'a str>),
-    Numbers(Range<f64>),
+    Numbers(Axis),
 }
 
 /// Axes, ticks and labels, and the places of values.
@@ -238,19 +241,22 @@ struct Frame {
     right: i32,
     top: i32,
     bottom: i32,
-    x_axis: Range<f64>,
+    x_axis: Axis,
     y_axis: Axis,
 }
 
 impl Frame {
     fn new(chart: &Chart, values: impl Iterator<Item = f64>, horizontal: Horizontal) -> Self {
         let mut image = Image::new(chart.width, chart.height);
-        let y_axis = chart.y_axis(values);
+        let y_axis = Axis::new(chart.y_range.clone(), chart.y_log, true, values);
         let y_ticks = y_axis.ticks();
         let label_width = y_ticks.iter().map(|(_, t)| TextSize::Small.width(t)).max().unwrap_or(0) as i32;
         let (left, right) = (34 + label_width, chart.width as i32 - 16);
         let (top, bottom) = (56, chart.height as i32 - 52);
-        let x_axis = if let Horizontal::Numbers(axis) = &horizontal { axis.clone() } else { 0.0..1.0 };
+        let (x_axis, names) = match horizontal {
+            Horizontal::Numbers(axis) => (axis, None),
+            Horizontal::Categories(names) => (Axis { range: 0.0..1.0, log: false }, Some(names)),
+        };
         image.text(&chart.title, (left + right) / 2, 20, TextSize::Large, Anchor::Centre, Colour::INK);
         image.text(&chart.x_label, (left + right) / 2, chart.height as i32 - 14, TextSize::Medium, Anchor::Centre, Colour::INK);
         let mut label = Image::new(TextSize::Medium.width(&chart.y_label) + 2, TextSize::Medium.height() + 2);
@@ -264,15 +270,15 @@ impl Frame {
             frame.image.line((left, y), (right, y), 1, Colour::FAINT);
             frame.image.text(&text, left - 6, y, TextSize::Small, Anchor::Right, Colour::INK);
         }
-        match horizontal {
-            Horizontal::Numbers(axis) => {
-                for (value, text) in ticks(&axis) {
+        match names {
+            None => {
+                for (value, text) in frame.x_axis.ticks() {
                     let x = frame.x(value);
                     frame.image.line((x, bottom), (x, bottom + 4), 1, Colour::INK);
                     frame.image.text(&text, x, bottom + 14, TextSize::Small, Anchor::Centre, Colour::INK);
                 }
             }
-            Horizontal::Categories(names) => {
+            Some(names) => {
                 // Names that would run into each other stand on two levels.
                 let step = (right - left) as usize / names.len().max(1);
                 let is_tight = names.iter().any(|n| TextSize::Small.width(n) + 6 > step);
@@ -294,8 +300,7 @@ impl Frame {
     }
 
     fn x(&self, value: f64) -> i32 {
-        let share = (value - self.x_axis.start) / (self.x_axis.end - self.x_axis.start);
-        self.left + (share.clamp(0.0, 1.0) * f64::from(self.right - self.left)).round() as i32
+        self.left + (self.x_axis.share(value) * f64::from(self.right - self.left)).round() as i32
     }
 
     fn y(&self, value: f64) -> i32 {
@@ -338,14 +343,22 @@ mod tests {
         assert_eq!(decades_of([2.0].into_iter()), 2.0..5.0);
     }
 
+    fn linear(range: Range<f64>) -> Axis {
+        Axis { range, log: false }
+    }
+
     #[test]
     fn values_stand_where_the_axis_says() {
-        let frame = Frame::new(&Chart::new("", "", ""), [10.0].into_iter(), Horizontal::Numbers(0.0..2.0));
+        let frame = Frame::new(&Chart::new("", "", ""), [10.0].into_iter(), Horizontal::Numbers(linear(0.0..2.0)));
         assert_eq!((frame.y(0.0), frame.y(10.0), frame.y(5.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
         assert_eq!((frame.x(0.0), frame.x(2.0), frame.x(9.0)), (frame.left, frame.right, frame.right));
         let chart = Chart { y_log: true, ..Chart::new("", "", "") };
-        let frame = Frame::new(&chart, [0.01, 100.0, -3.0].into_iter(), Horizontal::Numbers(0.0..2.0));
+        let frame = Frame::new(&chart, [0.01, 100.0, -3.0].into_iter(), Horizontal::Numbers(linear(0.0..2.0)));
         assert_eq!((frame.y(0.01), frame.y(100.0), frame.y(1.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
+        let axis = Axis::new(None, true, false, [2.0, 0.0, 200.0].into_iter());
+        assert_eq!(axis.range, 2.0..200.0);
+        let frame = Frame::new(&chart, [1.0].into_iter(), Horizontal::Numbers(axis));
+        assert_eq!((frame.x(2.0), frame.x(200.0), frame.x(20.0)), (frame.left, frame.right, (frame.left + frame.right + 1) / 2));
     }
 
     #[test]
@@ -357,7 +370,7 @@ mod tests {
         chart.bars(&["a".into()], &[("s".into(), vec![-1.0, 2.0]), ("t".into(), vec![])]);
         chart.lines(&[("s".into(), vec![(f64::NAN, 1.0), (1.0, 1.0)])]);
         chart.cumulative(&[("s".into(), vec![])]);
-        let log = Chart { y_log: true, diagonal: true, ..chart.clone() };
+        let log = Chart { x_log: true, y_log: true, diagonal: true, ..chart.clone() };
         log.weighted_lines(&[("s".into(), vec![(0.0, -1.0, 1.0), (1.0, 0.0, f64::NAN), (2.0, 5.0, 2.0)])]);
         log.bars(&["a".into()], &[("s".into(), vec![0.5])]);
         Chart { width: 10, height: 10, ..chart }.bars(&["a".into()], &[("s".into(), vec![1.0])]);

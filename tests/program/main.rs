@@ -4,6 +4,7 @@ mod full_pose;
 mod harness;
 mod pose;
 mod real_shapes;
+mod scale;
 mod service;
 mod training;
 mod usage;

@@ -1,0 +1,3 @@
+//! What `beo bench` measures.
+
+pub mod scale;
