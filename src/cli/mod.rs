@@ -3,6 +3,7 @@
 #[macro_use]
 mod output;
 
+mod bench;
 mod demo;
 mod eval;
 mod failure;
@@ -52,6 +53,8 @@ enum Command {
     Demo(demo::Demo),
     /// Measure a model by the paper's protocol
     Eval(eval::Eval),
+    /// Measure how fast it is
+    Bench(bench::Bench),
 }
 
 /// Runs the program: exit code 0 done, 1 failed, 2 wrong usage.
@@ -77,6 +80,7 @@ pub fn run() -> ExitCode {
         Command::Watch(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Eval(command) => command.run(),
+        Command::Bench(command) => command.run(),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -8,6 +8,7 @@ use super::pose::view_scores::ViewScores;
 use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
 use super::tiles::Tiling;
+use super::timings::{Stopwatch, Timings};
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
 use crate::grid::{Dims, Observation, Rotation};
 use crate::linear::LinearError;
@@ -69,6 +70,8 @@ pub struct Workspace {
     pub(super) slabs: Vec<completion::Scratch>,
     pub(super) columns: HullColumns,
     pub(super) samples: Vec<Sample>,
+    /// Runs since the query began.
+    pub(super) stopwatch: Stopwatch,
 }
 
 impl Perceiver {
@@ -128,6 +131,7 @@ impl Perceiver {
             slabs: (0..dims.x().div_ceil(SLAB)).map(|_| completion::Scratch::default()).collect(),
             columns: HullColumns::default(),
             samples: Vec::new(),
+            stopwatch: Stopwatch::start(),
         }
     }
 
@@ -142,6 +146,8 @@ impl Perceiver {
         work: &mut Workspace,
         percept: &mut Percept,
     ) -> Result<(), PerceiveError> {
+        work.stopwatch = Stopwatch::start();
+        percept.timings = Timings::default();
         let dims = self.model.dims();
         if observation.dims() != dims {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
@@ -159,6 +165,11 @@ impl Perceiver {
             softmax(&mut percept.posterior);
         } else if query.pose == PoseSearch::Known {
             self.classify_here(query, work, percept)?;
+            percept.timings.classified = work.stopwatch.elapsed();
+        }
+        if !percept.informed {
+            let elapsed = work.stopwatch.elapsed();
+            (percept.timings.projected, percept.timings.classified) = (elapsed, elapsed);
         }
         match query.pose {
             PoseSearch::Known => {
@@ -168,6 +179,7 @@ impl Perceiver {
                 let probability = percept.posterior[percept.class];
                 percept.hypotheses.clear();
                 percept.hypotheses.push(super::Hypothesis { rotation: percept.rotation, class: percept.class, probability });
+                percept.timings.posed = work.stopwatch.elapsed();
                 Ok(())
             }
             _ => self.find_pose(query, work, percept),
