@@ -1,7 +1,7 @@
 //! The figures as pictures: how late the latest are, and where the time goes.
 
 use super::{LoadReport, Report};
-use crate::picture::{Chart, SaveError};
+use crate::picture::{Chart, SaveError, sheet};
 use std::path::Path;
 
 /// Points of a curve for each factor of ten.
@@ -23,8 +23,20 @@ pub fn save(folder: &Path, report: &Report) -> Result<(), SaveError> {
         .enumerate()
         .map(|(stage, name)| (name.to_string(), report.loads.iter().map(|load| load.stages_us[stage].took.p50 / 1e3).collect()))
         .collect();
-    let chart = Chart::new(&format!("Stages, medians: {about}"), "load", "milliseconds until the stage has ended");
-    Chart { width: 960, ..chart }.stacked_bars(&names, &stages).save(&folder.join("stages.png"))
+    // As times and as shares: next to a load that waits, nothing is seen of one that does not.
+    let chart = |y: &str| Chart { width: 960, height: 360, ..Chart::new("", "load", y) };
+    let shares = Chart { y_range: Some(0.0..112.0), ..chart("percent") }.stacked_bars(&names, &shares(&stages));
+    let rows = [vec![(chart("milliseconds").stacked_bars(&names, &stages), String::new())], vec![(shares, String::new())]];
+    sheet(&rows, &format!("Stages, medians: {about}")).save(&folder.join("stages.png"))
+}
+
+/// Each stage's percentage of the sum of all stages, for each load.
+fn shares(stages: &[(String, Vec<f64>)]) -> Vec<(String, Vec<f64>)> {
+    let sum = |load: usize| stages.iter().map(|(_, times)| times[load]).sum::<f64>();
+    stages
+        .iter()
+        .map(|(name, times)| (name.clone(), times.iter().enumerate().map(|(load, time)| 100.0 * time / sum(load)).collect()))
+        .collect()
 }
 
 /// Latency in milliseconds and the share of observations that are slower, down to the slowest one.
@@ -43,6 +55,12 @@ mod tests {
     use super::*;
     use crate::benchmark::latency::{Load, summary::Run};
     use crate::benchmark::percentiles::histogram;
+
+    #[test]
+    fn shares_are_of_each_load() {
+        let stages = [("a".to_owned(), vec![1.0, 30.0]), ("b".to_owned(), vec![3.0, 10.0])];
+        assert_eq!(shares(&stages), [("a".to_owned(), vec![25.0, 75.0]), ("b".to_owned(), vec![75.0, 25.0])]);
+    }
 
     #[test]
     fn the_tail_reaches_to_the_slowest() {
