@@ -79,8 +79,9 @@ mod tests {
 
     #[test]
     fn percentiles_have_three_digits() {
-        let percentiles = Percentiles::of(&histogram((1..=100_000).map(|us| us * 1000)));
-        let expected = [50e3, 90e3, 99e3, 99.9e3, 99.99e3, 100e3];
+        // Of 100,000 times, the nth from the top is 1 s / n.
+        let percentiles = Percentiles::of(&histogram((1..=100_000).map(|n| 1_000_000_000 / n)));
+        let expected = [50_001, 10_001, 1_001, 101, 11, 1].map(|n| 1e6 / f64::from(n));
         assert_eq!(percentiles.count, 100_000);
         for (value, expected) in percentiles.values().into_iter().zip(expected) {
             assert!((value / expected - 1.0).abs() < 2e-3, "{value} {expected}");
