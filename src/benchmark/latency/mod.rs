@@ -49,7 +49,7 @@ use std::path::PathBuf;
 pub enum Wake {
     /// It sleeps until an event.
     Event,
-    /// It looks again and again: faster, and a core each.
+    /// It looks again and again, giving way each time to whoever shares its core: faster, where each process has a core of its own.
     Polling,
 }
 

@@ -113,7 +113,7 @@ fn wait_for(subscriber: &Subscriber, sequence: u64, wake: Wake, until_ns: u64) -
         }
         match wake {
             Wake::Event => drop(subscriber.wait(Duration::from_millis(50))?),
-            Wake::Polling => std::hint::spin_loop(),
+            Wake::Polling => std::thread::yield_now(),
         }
     }
     Ok(())

@@ -44,7 +44,7 @@ pub fn read(plan: &ReaderPlan, stop: &AtomicBool, ready: impl FnOnce() -> std::i
         match plan.wake {
             _ if last_round => return Ok(records),
             Wake::Event => drop(subscriber.wait(LONGEST_WAIT)?),
-            Wake::Polling => std::hint::spin_loop(),
+            Wake::Polling => std::thread::yield_now(),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::producer::Sent;
 use super::record::{Record, STAGES};
-use super::{Load, Settings};
+use super::{Load, Settings, Wake};
 use crate::benchmark::cores::Cores;
 use crate::benchmark::machine::{Machine, Others};
 use crate::benchmark::percentiles::{Percentiles, histogram, median};
@@ -211,6 +211,9 @@ impl Report {
         loads: Vec<LoadReport>,
     ) -> Self {
         let mut warnings = machine.warnings(others);
+        if settings.wake == Wake::Polling && !cores.shared().is_empty() {
+            warnings.push("polling needs a core for each process; here they share, and take time from each other".into());
+        }
         for load in loads.iter().filter(|load| !load.counts.sums_match) {
             warnings.push(format!("{}: the counts of producer, daemon and readers contradict each other", load.load));
         }
