@@ -14,7 +14,7 @@ pub struct Record {
     pub counted: bool,
     /// The percept's status.
     pub status: u32,
-    /// When each of [`STAGES`] was done, CLOCK_MONOTONIC; 0 if it was not.
+    /// When each stage was done, CLOCK_MONOTONIC; 0 if it was not.
     pub stamps_ns: [u64; STAGES.len()],
 }
 
