@@ -53,7 +53,7 @@ enum Command {
     Demo(demo::Demo),
     /// Measure a model by the paper's protocol
     Eval(eval::Eval),
-    /// Measure how fast this machine perceives
+    /// Measure how fast it is
     Bench(bench::Bench),
 }
 

@@ -16,6 +16,7 @@
 //! | `posing` | class and pose jointly | |
 //! | `paper_pose` | pose by the paper's estimators | eqs. 11, 12, 19–21 |
 //! | `completing` | the completion, in the frame that was asked for | |
+//! | `timings` | when each stage of a query was done | |
 
 pub mod blend;
 mod completing;
@@ -36,6 +37,7 @@ mod row_gram;
 mod scoring;
 mod subspace;
 mod tiles;
+mod timings;
 mod whitening;
 
 pub use density::Density;
@@ -48,3 +50,4 @@ pub use percept::{Frame, Percept, Query};
 pub use pose::{Hypothesis, PoseSearch, RotationPrior};
 pub use projection::ColumnSums;
 pub use subspace::{ClassSubspace, Conditional};
+pub use timings::Timings;

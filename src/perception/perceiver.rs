@@ -6,6 +6,7 @@ use super::pose::posterior::Sample;
 use super::pose::view_scores::ViewScores;
 use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
+use super::timings::{Stopwatch, Timings};
 use super::whitening::Whitening;
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
 use crate::grid::{Dims, Observation, Rotation};
@@ -69,6 +70,8 @@ pub struct Workspace {
     pub(super) shares: Vec<(usize, f64)>,
     pub(super) columns: HullColumns,
     pub(super) samples: Vec<Sample>,
+    /// Runs since the query began.
+    pub(super) stopwatch: Stopwatch,
 }
 
 impl Perceiver {
@@ -126,6 +129,7 @@ impl Perceiver {
             shares: Vec::with_capacity(m),
             columns: HullColumns::default(),
             samples: Vec::new(),
+            stopwatch: Stopwatch::start(),
         }
     }
 
@@ -140,6 +144,8 @@ impl Perceiver {
         work: &mut Workspace,
         percept: &mut Percept,
     ) -> Result<(), PerceiveError> {
+        work.stopwatch = Stopwatch::start();
+        percept.timings = Timings::default();
         let dims = self.model.dims();
         if observation.dims() != dims {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
@@ -157,6 +163,11 @@ impl Perceiver {
             softmax(&mut percept.posterior);
         } else if query.pose == PoseSearch::Known {
             self.classify_here(query, work, percept)?;
+            percept.timings.classified = work.stopwatch.elapsed();
+        }
+        if !percept.informed {
+            let elapsed = work.stopwatch.elapsed();
+            (percept.timings.projected, percept.timings.classified) = (elapsed, elapsed);
         }
         match query.pose {
             PoseSearch::Known => {
@@ -166,6 +177,7 @@ impl Perceiver {
                 let probability = percept.posterior[percept.class];
                 percept.hypotheses.clear();
                 percept.hypotheses.push(super::Hypothesis { rotation: percept.rotation, class: percept.class, probability });
+                percept.timings.posed = work.stopwatch.elapsed();
                 Ok(())
             }
             _ => self.find_pose(query, work, percept),

@@ -307,7 +307,7 @@ mod tests {
         let covariance = |u: usize, v: usize| (0..k).map(|s| direction(u, s) * class.variances[s] * direction(v, s)).sum::<f64>();
         let n = known.len();
         let mut dense = Mat::from_fn(n, n, |i, j| covariance(known[i], known[j]) + if i == j { noise } else { 0.0 });
-        cholesky(&mut dense).unwrap();
+        crate::linear::cholesky(&mut dense).unwrap();
         let inverse_factor = crate::linear::invert_lower(dense.as_ref());
         let precision = inverse_factor.transpose() * &inverse_factor;
         let residual: Vec<f64> = known.iter().map(|v| f64::from(u8::from(filled.contains(v))) - voxel_mean(*v)).collect();

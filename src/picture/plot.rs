@@ -25,7 +25,7 @@ pub struct Chart {
     pub y_log: bool,
     /// Range of a horizontal axis of numbers; by default from the data.
     pub x_range: Option<Range<f64>>,
-    /// Whether a horizontal axis of numbers is logarithmic; points at values that are not positive are then left out.
+    /// Whether a horizontal axis of numbers is logarithmic; values that are not positive are then left out.
     pub x_log: bool,
     /// Whether to draw the line y = x, faint.
     pub diagonal: bool,
@@ -35,7 +35,8 @@ impl Chart {
     /// A chart of the default size.
     pub fn new(title: &str, x_label: &str, y_label: &str) -> Self {
         let (title, x_label, y_label) = (title.into(), x_label.into(), y_label.into());
-        Self { title, x_label, y_label, width: 760, height: 440, y_range: None, y_log: false, x_range: None, x_log: false, diagonal: false }
+        let (y_range, x_range) = (None, None);
+        Self { title, x_label, y_label, width: 760, height: 440, y_range, y_log: false, x_range, x_log: false, diagonal: false }
     }
 
     /// One strip of points per category with a bar at its mean (as in the paper's Fig. 3); values that are not finite are left out.
@@ -89,6 +90,27 @@ impl Chart {
         frame.image
     }
 
+    /// One bar per category, made of the series one on top of the other, with the sum above; values that are negative or not finite are
+    /// left out.
+    pub fn stacked_bars(&self, categories: &[String], series: &[(String, Vec<f64>)]) -> Image {
+        let value = |s: usize, c: usize| series[s].1.get(c).copied().filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.0);
+        let sum = |series: usize, c: usize| (0..series).map(|s| value(s, c)).sum::<f64>();
+        let sums = (0..categories.len()).map(|c| sum(series.len(), c));
+        let mut frame = Frame::new(self, sums, Horizontal::Categories(categories.iter().map(String::as_str).collect()));
+        for c in 0..categories.len() {
+            let (middle, step) = frame.category(c, categories.len());
+            let (left, width) = ((middle - step * 0.3) as i32, ((step * 0.6) as u32).max(1));
+            for s in 0..series.len() {
+                let (low, high) = (frame.y(sum(s, c)), frame.y(sum(s + 1, c)));
+                frame.image.rectangle(left, high, width, low.abs_diff(high), Colour::SERIES[s % Colour::SERIES.len()]);
+            }
+            let top = sum(series.len(), c);
+            frame.image.text(&format!("{top:.2}"), middle as i32, frame.y(top) - 8, TextSize::Small, Anchor::Centre, Colour::INK);
+        }
+        frame.legend(series.iter().map(|(name, _)| name.as_str()));
+        frame.image
+    }
+
     /// One line per series through its points (x, y).
     pub fn lines(&self, series: &[(String, Vec<(f64, f64)>)]) -> Image {
         let plain = |points: &Vec<(f64, f64)>| points.iter().map(|p| (p.0, p.1, 0.0)).collect();
@@ -98,11 +120,9 @@ impl Chart {
     /// One line per series through its points (x, y, weight), with a disc on each point whose area grows with its weight.
     pub fn weighted_lines(&self, series: &[WeightedSeries]) -> Image {
         let points = || series.iter().flat_map(|(_, points)| points.iter());
-        let x_axis = Axis::new(self.x_range.clone(), self.x_log, false, points().map(|p| p.0));
-        let mut frame = Frame::new(self, points().map(|p| p.1), Horizontal::Numbers(x_axis));
+        let mut frame = Frame::new(self, points().map(|p| p.1), Horizontal::Numbers(self.x_axis(points().map(|p| p.0))));
         if self.diagonal {
-            let (x, y) = (&frame.x_axis.range, &frame.y_axis.range);
-            let (low, high) = (x.start.max(y.start), x.end.min(y.end));
+            let (low, high) = (frame.x_axis.range.start.max(frame.y_axis.range.start), frame.x_axis.range.end.min(frame.y_axis.range.end));
             frame.image.line((frame.x(low), frame.y(low)), (frame.x(high), frame.y(high)), 2, Colour::FAINT);
         }
         let heaviest = points().map(|p| p.2).filter(|w| w.is_finite()).fold(0.0, f64::max);
@@ -133,6 +153,18 @@ impl Chart {
         };
         let series: Vec<_> = series.iter().map(|(name, values)| (name.clone(), steps(values))).collect();
         Self { y_range: Some(0.0..1.0), ..self.clone() }.lines(&series)
+    }
+
+    fn y_axis(&self, values: impl Iterator<Item = f64>) -> Axis {
+        let log = self.y_log;
+        let range = self.y_range.clone().unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, true) });
+        Axis { range, log }
+    }
+
+    fn x_axis(&self, values: impl Iterator<Item = f64>) -> Axis {
+        let log = self.x_log;
+        let range = self.x_range.clone().unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, false) });
+        Axis { range, log }
     }
 }
 
@@ -207,12 +239,6 @@ struct Axis {
 }
 
 impl Axis {
-    /// Over a given range, or that of the values.
-    fn new(range: Option<Range<f64>>, log: bool, with_zero: bool, values: impl Iterator<Item = f64>) -> Self {
-        let range = range.unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, with_zero) });
-        Self { range, log }
-    }
-
     fn shows(&self, value: f64) -> bool {
         value.is_finite() && (!self.log || value > 0.0)
     }
@@ -248,7 +274,7 @@ struct Frame {
 impl Frame {
     fn new(chart: &Chart, values: impl Iterator<Item = f64>, horizontal: Horizontal) -> Self {
         let mut image = Image::new(chart.width, chart.height);
-        let y_axis = Axis::new(chart.y_range.clone(), chart.y_log, true, values);
+        let y_axis = chart.y_axis(values);
         let y_ticks = y_axis.ticks();
         let label_width = y_ticks.iter().map(|(_, t)| TextSize::Small.width(t)).max().unwrap_or(0) as i32;
         let (left, right) = (34 + label_width, chart.width as i32 - 16);
@@ -343,22 +369,28 @@ mod tests {
         assert_eq!(decades_of([2.0].into_iter()), 2.0..5.0);
     }
 
-    fn linear(range: Range<f64>) -> Axis {
-        Axis { range, log: false }
-    }
-
     #[test]
     fn values_stand_where_the_axis_says() {
-        let frame = Frame::new(&Chart::new("", "", ""), [10.0].into_iter(), Horizontal::Numbers(linear(0.0..2.0)));
+        let axis = |range, log| Axis { range, log };
+        let frame = Frame::new(&Chart::new("", "", ""), [10.0].into_iter(), Horizontal::Numbers(axis(0.0..2.0, false)));
         assert_eq!((frame.y(0.0), frame.y(10.0), frame.y(5.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
         assert_eq!((frame.x(0.0), frame.x(2.0), frame.x(9.0)), (frame.left, frame.right, frame.right));
         let chart = Chart { y_log: true, ..Chart::new("", "", "") };
-        let frame = Frame::new(&chart, [0.01, 100.0, -3.0].into_iter(), Horizontal::Numbers(linear(0.0..2.0)));
+        let frame = Frame::new(&chart, [0.01, 100.0, -3.0].into_iter(), Horizontal::Numbers(axis(0.1..10.0, true)));
         assert_eq!((frame.y(0.01), frame.y(100.0), frame.y(1.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
-        let axis = Axis::new(None, true, false, [2.0, 0.0, 200.0].into_iter());
-        assert_eq!(axis.range, 2.0..200.0);
-        let frame = Frame::new(&chart, [1.0].into_iter(), Horizontal::Numbers(axis));
-        assert_eq!((frame.x(2.0), frame.x(200.0), frame.x(20.0)), (frame.left, frame.right, (frame.left + frame.right + 1) / 2));
+        assert_eq!((frame.x(0.1), frame.x(10.0)), (frame.left, frame.right));
+        assert!((frame.x(1.0) - (frame.left + frame.right) / 2).abs() <= 1);
+    }
+
+    #[test]
+    fn stacked_bars_stand_on_each_other() {
+        let chart = Chart { y_range: Some(0.0..4.0), ..Chart::new("", "", "") };
+        let image = chart.stacked_bars(&["a".into()], &[("".into(), vec![1.0]), ("".into(), vec![2.0])]);
+        let frame = Frame::new(&chart, [].into_iter(), Horizontal::Categories(vec!["a"]));
+        let middle = frame.category(0, 1).0 as usize;
+        let at = |value: f64| image.pixel(middle, frame.y(value) as usize);
+        assert_eq!([at(0.5), at(1.5), at(2.5)], [Colour::SERIES[0].rgb, Colour::SERIES[1].rgb, Colour::SERIES[1].rgb]);
+        assert_eq!(at(3.5), Colour::PAPER.rgb);
     }
 
     #[test]
@@ -370,6 +402,8 @@ mod tests {
         chart.bars(&["a".into()], &[("s".into(), vec![-1.0, 2.0]), ("t".into(), vec![])]);
         chart.lines(&[("s".into(), vec![(f64::NAN, 1.0), (1.0, 1.0)])]);
         chart.cumulative(&[("s".into(), vec![])]);
+        chart.stacked_bars(&[], &[]);
+        chart.stacked_bars(&["a".into()], &[("s".into(), vec![f64::NAN]), ("t".into(), vec![-1.0]), ("u".into(), vec![])]);
         let log = Chart { x_log: true, y_log: true, diagonal: true, ..chart.clone() };
         log.weighted_lines(&[("s".into(), vec![(0.0, -1.0, 1.0), (1.0, 0.0, f64::NAN), (2.0, 5.0, 2.0)])]);
         log.bars(&["a".into()], &[("s".into(), vec![0.5])]);

@@ -1,11 +1,12 @@
-//! `beo bench`: how fast it is.
+//! `beo bench`: measurements of speed.
 
+mod latency;
 mod scale;
 
 use super::failure::Failure;
 use clap::{Args, Subcommand};
 
-/// Measure how fast this machine perceives
+/// Measure how fast it is
 #[derive(Args)]
 pub struct Bench {
     #[command(subcommand)]
@@ -16,6 +17,14 @@ pub struct Bench {
 enum What {
     /// Measure how the cost of a query grows: with classes, basis size, resolution, hidden voxels, threads, subscribers
     Scale(scale::Scale),
+    /// From an observation to its percept, through producer, daemon and readers as separate processes
+    Latency(latency::Latency),
+    /// The producer of `latency`
+    #[command(hide = true)]
+    LatencyProducer,
+    /// A reader of `latency`
+    #[command(hide = true)]
+    LatencyReader,
 }
 
 impl Bench {
@@ -23,6 +32,9 @@ impl Bench {
     pub fn run(self) -> Result<(), Failure> {
         match self.what {
             What::Scale(command) => command.run(),
+            What::Latency(command) => command.run(),
+            What::LatencyProducer => latency::producer(),
+            What::LatencyReader => latency::reader(),
         }
     }
 }
