@@ -4,7 +4,7 @@
 //! The variance of a voxel with row b is ‖S b‖² with the lower triangular S = L⁻¹Λ^½. Voxels of a column lie side by side in
 //! memory, component by component, so that one value of S serves a whole block of them, and nothing is gathered.
 
-use super::lanes::{LANES, Lanes, load, multiply_add};
+use super::lanes::{LANES, Lanes, multiply_add};
 use crate::grid::Dims;
 
 /// Rows of S that are multiplied together: enough sums at once to hide the latency of an addition.
@@ -14,10 +14,10 @@ const GROUP: usize = 4;
 pub struct Columns {
     /// k, the number of directions.
     size: usize,
-    /// Voxels of a column, padded to whole blocks.
-    height: usize,
-    /// `[column][component][z]`; the last component is the mean.
-    values: Vec<f32>,
+    /// Blocks of a column; the last may be filled up with zeros.
+    blocks: usize,
+    /// `[column][block][component][lane]`, a block being [`LANES`] voxels; the last component is the mean.
+    values: Vec<Lanes>,
 }
 
 /// The posterior of a class as prediction reads it.
@@ -66,14 +66,15 @@ impl Posterior {
 impl Columns {
     /// Rearranges `rows`: `width` values per voxel, of which the first are the k components and the mean.
     pub fn new(dims: Dims, size: usize, rows: &[f32], width: usize) -> Self {
-        let height = dims.z().next_multiple_of(LANES);
-        let mut values = vec![0.0; Self::values(dims, size)];
-        for (column, values) in values.chunks_exact_mut((size + 1) * height).enumerate() {
+        let blocks = dims.z().div_ceil(LANES);
+        let mut values = vec![[0.0; LANES]; dims.columns() * blocks * (size + 1)];
+        for (column, values) in values.chunks_exact_mut(blocks * (size + 1)).enumerate() {
             for (z, row) in rows[column * dims.z() * width..(column + 1) * dims.z() * width].chunks_exact(width).enumerate() {
-                row[..=size].iter().enumerate().for_each(|(component, value)| values[component * height + z] = *value);
+                let block = &mut values[z / LANES * (size + 1)..];
+                block.iter_mut().zip(&row[..=size]).for_each(|(block, value)| block[z % LANES] = *value);
             }
         }
-        Self { size, height, values }
+        Self { size, blocks, values }
     }
 
     /// Numbers that are kept of a class with `size` directions.
@@ -84,12 +85,11 @@ impl Columns {
     /// Mean and variance of the voxels of a column from `z` on, a multiple of [`LANES`].
     #[inline(always)]
     pub fn predict<const FUSED: bool>(&self, posterior: &Posterior, column: usize, z: usize) -> Predicted {
-        let stride = (self.size + 1) * self.height;
-        let values = &self.values[column * stride + z..(column + 1) * stride];
-        let class_mean = *load(&values[self.size * self.height..]);
+        let first = (column * self.blocks + z / LANES) * (self.size + 1);
+        let values = &self.values[first..=first + self.size];
+        let class_mean = values[self.size];
         let mut mean = class_mean;
-        for (component, coefficient) in values.chunks(self.height).zip(&posterior.coefficients) {
-            let b = load(component);
+        for (b, coefficient) in values.iter().zip(&posterior.coefficients) {
             for l in 0..LANES {
                 mean[l] = multiply_add::<FUSED>(*coefficient, b[l], mean[l]);
             }
@@ -100,8 +100,7 @@ impl Columns {
             let (group, rest) = spread.split_at(GROUP * (first + GROUP).min(self.size));
             spread = rest;
             let mut sums = [[0.0_f32; LANES]; GROUP];
-            for (component, s) in values.chunks(self.height).zip(group.as_chunks::<GROUP>().0) {
-                let b = load(component);
+            for (b, s) in values.iter().zip(group.as_chunks::<GROUP>().0) {
                 for g in 0..GROUP {
                     for l in 0..LANES {
                         sums[g][l] = multiply_add::<FUSED>(s[g], b[l], sums[g][l]);

@@ -98,15 +98,11 @@ impl<F: FnMut(usize, &Lanes)> Kernel for ForEachBlock<'_, F> {
             let (long, short) = (rows.as_chunks::<SUMS>(), z[..columns].as_chunks::<SUMS>());
             for (rows, z) in long.0.iter().zip(short.0) {
                 for s in 0..SUMS {
-                    for l in 0..LANES {
-                        sums[s][l] = multiply_add::<FUSED>(f32::from(rows[s][l]), z[s], sums[s][l]);
-                    }
+                    add::<FUSED>(&mut sums[s], &rows[s], z[s]);
                 }
             }
             for (row, z) in long.1.iter().zip(short.1) {
-                for l in 0..LANES {
-                    sums[0][l] = multiply_add::<FUSED>(f32::from(row[l]), *z, sums[0][l]);
-                }
+                add::<FUSED>(&mut sums[0], row, *z);
             }
             let mut out = [0.0; LANES];
             for l in 0..LANES {
@@ -114,6 +110,18 @@ impl<F: FnMut(usize, &Lanes)> Kernel for ForEachBlock<'_, F> {
             }
             each(first, &out);
         }
+    }
+}
+
+/// Adds `row` times `factor`. Widened first, in a loop of its own: both loops then become vector instructions.
+#[inline(always)]
+fn add<const FUSED: bool>(sums: &mut Lanes, row: &[i16; LANES], factor: f32) {
+    let mut wide = [0.0; LANES];
+    for l in 0..LANES {
+        wide[l] = f32::from(row[l]);
+    }
+    for l in 0..LANES {
+        sums[l] = multiply_add::<FUSED>(wide[l], factor, sums[l]);
     }
 }
 
