@@ -2,7 +2,7 @@
 //! evidence's posterior mean).
 
 use super::lanes::{self, Kernel, LANES, Lanes};
-use super::prediction::Posterior;
+use super::prediction::{Posterior, Scratch};
 use super::subspace::ClassSubspace;
 use crate::model::CompletionCalibration;
 
@@ -97,6 +97,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
     /// Calls `each` for all blocks, ascending.
     #[inline(always)]
     fn for_each_block<const FUSED: bool>(&self, mut each: impl FnMut(&Block)) {
+        let mut scratch = Scratch::default();
         let mut runs = self.runs.iter().peekable();
         while let Some(&&(start, _)) = runs.peek() {
             // All runs that touch this block: the last of them may go on in the next.
@@ -116,7 +117,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
                     }
                     runs.next();
                 }
-                each(&self.block::<FUSED>(column, z, depth));
+                each(&self.block::<FUSED>(column, z, depth, &mut scratch));
                 if !goes_on {
                     break;
                 }
@@ -126,11 +127,11 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
     }
 
     #[inline(always)]
-    fn block<const FUSED: bool>(&self, column: usize, z: usize, depth: Lanes) -> Block {
+    fn block<const FUSED: bool>(&self, column: usize, z: usize, depth: Lanes, scratch: &mut Scratch) -> Block {
         let zero = [0.0; LANES];
         let mut block = Block { first: column * self.height + z, mean: zero, variance: zero, class_mean: zero, depth };
         for part in self.parts.clone() {
-            let predicted = part.class.columns().predict::<FUSED>(part.posterior, column, z);
+            let predicted = part.class.columns().predict::<FUSED>(part.posterior, column, z, scratch);
             for l in 0..LANES {
                 let mean = predicted.mean[l].clamp(0.0, 1.0);
                 block.mean[l] += part.weight * mean;

@@ -88,6 +88,16 @@ pub fn ln(x: f32) -> f32 {
     s * (half + r) + e * LN2[1] - half + f + e * LN2[0]
 }
 
+/// The same values in single precision. A loop of its own: one that also adds is not always turned into vector instructions.
+#[inline(always)]
+pub fn widen(values: &[i16; LANES]) -> Lanes {
+    let mut wide = [0.0; LANES];
+    for l in 0..LANES {
+        wide[l] = f32::from(values[l]);
+    }
+    wide
+}
+
 /// Values in \[0, 1\] as bytes, times 255 and rounded; into as many bytes.
 pub fn to_bytes(values: &[f32], bytes: &mut [u8]) {
     dispatch(ToBytes(values, bytes));

@@ -34,6 +34,7 @@ mod posing;
 mod prediction;
 mod projection;
 mod row_gram;
+mod rows;
 mod scoring;
 mod subspace;
 mod tiles;

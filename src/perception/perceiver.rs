@@ -100,9 +100,9 @@ impl Perceiver {
     /// Bytes that [`Self::new`] derives from a model: prefix sums of W', class bases over voxels with their Gram matrices, factors
     /// of the hull densities.
     pub fn derived_bytes(model: &Model) -> usize {
-        let (d, a) = (model.dims().voxels(), model.rank());
-        let classes: usize = model.classes.iter().map(|c| ClassSubspace::values(model.dims(), c.variances.len())).sum();
-        4 * classes + 2 * (d * a + model.views().len() * (model.classes.len() + 1) * Whitening::values(a))
+        let a = model.rank();
+        let classes: usize = model.classes.iter().map(|c| ClassSubspace::bytes(model.dims(), c.variances.len())).sum();
+        classes + ColumnSums::bytes(model.dims(), a) + 2 * (model.views().len() * (model.classes.len() + 1) * Whitening::values(a))
     }
 
     /// The model.

@@ -4,8 +4,10 @@
 //! The variance of a voxel with row b is ‖S b‖² with the lower triangular S = L⁻¹Λ^½. Voxels of a column lie side by side in
 //! memory, component by component, so that one value of S serves a whole block of them, and nothing is gathered.
 
-use super::lanes::{LANES, Lanes, multiply_add};
+use super::lanes::{LANES, Lanes, multiply_add, widen};
+use super::rows::Rows;
 use crate::grid::Dims;
+use crate::model::MOST_COMPONENTS;
 
 /// Rows of S that are multiplied together: enough sums at once to hide the latency of an addition.
 const GROUP: usize = 4;
@@ -16,8 +18,11 @@ pub struct Columns {
     size: usize,
     /// Blocks of a column; the last may be filled up with zeros.
     blocks: usize,
-    /// `[column][block][component][lane]`, a block being [`LANES`] voxels; the last component is the mean.
-    values: Vec<Lanes>,
+    /// `[column][block][component][lane]`, a block being [`LANES`] voxels, in the units of the rows; the last component is the
+    /// mean.
+    values: Vec<[i16; LANES]>,
+    /// Unit of the mean.
+    mean_unit: f32,
 }
 
 /// The posterior of a class as prediction reads it.
@@ -25,8 +30,18 @@ pub struct Columns {
 pub struct Posterior {
     /// Mean of the coefficients, k values.
     pub coefficients: Vec<f32>,
-    /// S by groups of [`GROUP`] rows: for each of its columns the values of these rows.
-    spread: Vec<f32>,
+    /// S, and below it the coefficients, for values in the units of the rows; by groups of [`GROUP`] rows: for each of their
+    /// columns the values of these rows.
+    factors: Vec<[f32; GROUP]>,
+}
+
+/// Memory for one block at a time.
+pub struct Scratch([Lanes; MOST_COMPONENTS]);
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self([[0.0; LANES]; MOST_COMPONENTS])
+    }
 }
 
 /// Of a block of voxels.
@@ -40,23 +55,30 @@ pub struct Predicted {
     pub class_mean: Lanes,
 }
 
+/// Columns that are not zero in the group of rows from `first` on. The row of coefficients, after the last of S, is full.
+fn columns_of(first: usize, size: usize) -> usize {
+    if first + GROUP > size { size } else { first + GROUP }
+}
+
 impl Posterior {
     /// Room for a class with `size` directions.
     pub fn new(size: usize) -> Self {
-        let spread = (0..size).step_by(GROUP).map(|first| GROUP * (first + GROUP).min(size)).sum();
-        Self { coefficients: vec![0.0; size], spread: vec![0.0; spread] }
+        let factors = (0..=size).step_by(GROUP).map(|first| columns_of(first, size)).sum();
+        Self { coefficients: vec![0.0; size], factors: vec![[0.0; GROUP]; factors] }
     }
 
-    /// Takes in S, k × k, given by its entries (i, j), j ≤ i.
-    pub fn set_spread(&mut self, mut entry: impl FnMut(usize, usize) -> f32) {
+    /// Takes in S, given by its entries (i, j), j ≤ i, and the units of each component of the rows.
+    pub fn prepare(&mut self, units: &[f32], mut entry: impl FnMut(usize, usize) -> f32) {
         let size = self.coefficients.len();
-        let mut out = self.spread.iter_mut();
-        for first in (0..size).step_by(GROUP) {
-            for j in 0..(first + GROUP).min(size) {
-                for i in first..first + GROUP {
-                    if let Some(out) = out.next() {
-                        *out = if j <= i && i < size { entry(i, j) } else { 0.0 };
-                    }
+        let mut out = self.factors.iter_mut();
+        for first in (0..=size).step_by(GROUP) {
+            for (j, out) in (0..columns_of(first, size)).zip(&mut out) {
+                for (i, out) in (first..).zip(out) {
+                    *out = match i {
+                        _ if i == size => self.coefficients[j] * units[j],
+                        _ if j <= i && i < size => entry(i, j) * units[j],
+                        _ => 0.0,
+                    };
                 }
             }
         }
@@ -64,52 +86,57 @@ impl Posterior {
 }
 
 impl Columns {
-    /// Rearranges `rows`: `width` values per voxel, of which the first are the k components and the mean.
-    pub fn new(dims: Dims, size: usize, rows: &[f32], width: usize) -> Self {
+    /// Rearranges `rows`, of which the first components are the k directions and the mean.
+    pub fn new(dims: Dims, size: usize, rows: &Rows) -> Self {
         let blocks = dims.z().div_ceil(LANES);
-        let mut values = vec![[0.0; LANES]; dims.columns() * blocks * (size + 1)];
+        let mut values = vec![[0; LANES]; dims.columns() * blocks * (size + 1)];
         for (column, values) in values.chunks_exact_mut(blocks * (size + 1)).enumerate() {
-            for (z, row) in rows[column * dims.z() * width..(column + 1) * dims.z() * width].chunks_exact(width).enumerate() {
+            for z in 0..dims.z() {
                 let block = &mut values[z / LANES * (size + 1)..];
-                block.iter_mut().zip(&row[..=size]).for_each(|(block, value)| block[z % LANES] = *value);
+                let row = &rows.row(column * dims.z() + z)[..=size];
+                block.iter_mut().zip(row).for_each(|(block, value)| block[z % LANES] = *value);
             }
         }
-        Self { size, blocks, values }
+        Self { size, blocks, values, mean_unit: rows.scales()[size] }
     }
 
-    /// Numbers that are kept of a class with `size` directions.
+    /// Values that are kept of a class with `size` directions, 2 bytes each.
     pub fn values(dims: Dims, size: usize) -> usize {
         dims.columns() * (size + 1) * dims.z().next_multiple_of(LANES)
     }
 
     /// Mean and variance of the voxels of a column from `z` on, a multiple of [`LANES`].
     #[inline(always)]
-    pub fn predict<const FUSED: bool>(&self, posterior: &Posterior, column: usize, z: usize) -> Predicted {
+    pub fn predict<const FUSED: bool>(&self, posterior: &Posterior, column: usize, z: usize, scratch: &mut Scratch) -> Predicted {
         let first = (column * self.blocks + z / LANES) * (self.size + 1);
         let values = &self.values[first..=first + self.size];
-        let class_mean = values[self.size];
-        let mut mean = class_mean;
-        for (b, coefficient) in values.iter().zip(&posterior.coefficients) {
-            for l in 0..LANES {
-                mean[l] = multiply_add::<FUSED>(*coefficient, b[l], mean[l]);
-            }
+        let rows = &mut scratch.0[..self.size];
+        for (row, values) in rows.iter_mut().zip(values) {
+            *row = widen(values);
         }
-        let mut variance = [0.0; LANES];
-        let mut spread = &posterior.spread[..];
-        for first in (0..self.size).step_by(GROUP) {
-            let (group, rest) = spread.split_at(GROUP * (first + GROUP).min(self.size));
-            spread = rest;
+        let mut class_mean = widen(&values[self.size]);
+        for l in 0..LANES {
+            class_mean[l] *= self.mean_unit;
+        }
+        let (mut mean, mut variance) = (class_mean, [0.0; LANES]);
+        let mut factors = &posterior.factors[..];
+        for first in (0..=self.size).step_by(GROUP) {
+            let (group, rest) = factors.split_at(columns_of(first, self.size));
+            factors = rest;
             let mut sums = [[0.0_f32; LANES]; GROUP];
-            for (b, s) in values.iter().zip(group.as_chunks::<GROUP>().0) {
+            for (b, factors) in rows.iter().zip(group) {
                 for g in 0..GROUP {
                     for l in 0..LANES {
-                        sums[g][l] = multiply_add::<FUSED>(s[g], b[l], sums[g][l]);
+                        sums[g][l] = multiply_add::<FUSED>(factors[g], b[l], sums[g][l]);
                     }
                 }
             }
-            for sums in &sums {
+            for (g, sums) in sums.iter().enumerate() {
+                // After the row of coefficients there is nothing but zeros.
+                let (squared, added) = if first + g == self.size { (0.0, 1.0) } else { (1.0, 0.0) };
                 for l in 0..LANES {
-                    variance[l] = multiply_add::<FUSED>(sums[l], sums[l], variance[l]);
+                    variance[l] = multiply_add::<FUSED>(squared * sums[l], sums[l], variance[l]);
+                    mean[l] = multiply_add::<FUSED>(added, sums[l], mean[l]);
                 }
             }
         }
@@ -125,26 +152,26 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40))]
         #[test]
-        fn a_block_is_predicted_as_its_voxels_are_one_by_one(size in 0..11_usize, z in 8..40_usize, seed in 0..1000_usize) {
+        fn a_block_is_predicted_as_its_voxels_are_one_by_one(size in 0..19_usize, z in 8..40_usize, seed in 0..1000_usize) {
             let dims = Dims::new(8, 8, z).unwrap();
             let value = |i: usize| ((i * 7919 + seed * 31) % 1009) as f32 / 1009.0 - 0.5;
-            let width = size + 2;
-            let rows: Vec<f32> = (0..dims.voxels() * width).map(value).collect();
-            let columns = Columns::new(dims, size, &rows, width);
+            let stride = (size + 2).next_multiple_of(LANES);
+            let rows = Rows::new(&(0..dims.voxels() * stride).map(value).collect::<Vec<_>>(), stride);
+            let columns = Columns::new(dims, size, &rows);
             let mut posterior = Posterior::new(size);
             let s = |i: usize, j: usize| value(i * 17 + j + 5);
             (0..size).for_each(|h| posterior.coefficients[h] = value(h + 99));
-            posterior.set_spread(s);
+            posterior.prepare(rows.scales(), s);
             for column in [0, 37, 63] {
                 for at in (0..z).step_by(LANES) {
-                    let found = columns.predict::<false>(&posterior, column, at);
+                    let found = columns.predict::<false>(&posterior, column, at, &mut Scratch::default());
                     for l in 0..LANES.min(z - at) {
-                        let row = &rows[(column * z + at + l) * width..];
+                        let row: Vec<f32> = (0..=size).map(|h| rows.value(column * z + at + l, h)).collect();
                         let mean = row[size] + (0..size).map(|h| row[h] * value(h + 99)).sum::<f32>();
                         let variance: f32 = (0..size).map(|i| (0..=i).map(|j| s(i, j) * row[j]).sum::<f32>().powi(2)).sum();
                         prop_assert_eq!(found.class_mean[l], row[size]);
                         prop_assert!((found.mean[l] - mean).abs() < 1e-5, "{} {}", found.mean[l], mean);
-                        prop_assert!((found.variance[l] - variance).abs() < 1e-5, "{} {}", found.variance[l], variance);
+                        prop_assert!((found.variance[l] - variance).abs() < 1e-5 * (1.0 + variance), "{} {}", found.variance[l], variance);
                     }
                 }
             }

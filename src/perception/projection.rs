@@ -2,7 +2,7 @@
 //!
 //! Voxels come in vertical runs, so prefix sums of W' along each column turn a run of any length into two rows.
 
-use super::lanes::{Kernel, dispatch};
+use super::lanes::{Kernel, LANES, Lanes, dispatch, widen};
 use crate::grid::{Dims, for_each_run};
 use crate::model::Basis;
 use fixedbitset::FixedBitSet;
@@ -12,7 +12,8 @@ use rayon::prelude::*;
 /// rows is wrong by about √n / 3 · 2⁻¹⁶ of the component's largest prefix sum.
 pub struct ColumnSums {
     dims: Dims,
-    width: usize,
+    /// Values from row to row: a, padded to whole blocks of lanes.
+    stride: usize,
     /// Row `v` is the sum over the voxels of v's column from its bottom up to and including v.
     sums: Vec<i16>,
     /// By how much each component is multiplied.
@@ -51,77 +52,117 @@ impl ColumnSums {
             .map(|(_, found)| found)
             .reduce(|| vec![0.0; width], |a, b| largest(a, &b));
         let scales: Vec<f32> = largest.iter().map(|v| v / f32::from(i16::MAX)).collect();
-        let mut sums = vec![0_i16; dims.voxels() * width];
-        sums.par_chunks_mut((dims.z() * width).max(1)).enumerate().for_each_init(scratch, |scratch, (column, out)| {
+        let stride = width.next_multiple_of(LANES);
+        let mut sums = vec![0_i16; dims.voxels() * stride];
+        sums.par_chunks_mut((dims.z() * stride).max(1)).enumerate().for_each_init(scratch, |scratch, (column, out)| {
             column_sums(column, scratch);
-            for (out, row) in out.chunks_exact_mut(width.max(1)).zip(scratch.chunks_exact(width.max(1))) {
+            for (out, row) in out.chunks_exact_mut(stride.max(1)).zip(scratch.chunks_exact(width.max(1))) {
                 out.iter_mut().zip(row).zip(&scales).for_each(|((out, v), scale)| *out = (v / scale).round() as i16);
             }
         });
-        Self { dims, width, sums, scales }
+        Self { dims, stride, sums, scales }
+    }
+
+    /// Bytes that [`Self::new`] keeps for a model of `rank` components.
+    pub fn bytes(dims: Dims, rank: usize) -> usize {
+        2 * dims.voxels() * rank.next_multiple_of(LANES)
     }
 
     /// W'ᵀx of the binary vector with these bits, into `out` (a values).
     pub fn project(&self, bits: &FixedBitSet, out: &mut [f32]) {
-        out.fill(0.0);
-        dispatch(AddBits(self, bits, &mut *out));
-        self.scale(out);
+        dispatch(AddBits(Sum::new(self, out), bits));
     }
 
     /// The same of the binary vector made of these runs (start, end), each inside one column.
     pub fn project_runs(&self, runs: impl Iterator<Item = (usize, usize)>, out: &mut [f32]) {
+        dispatch(AddRuns(Sum::new(self, out), runs));
+    }
+
+    #[inline(always)]
+    fn row(&self, voxel: usize) -> &[[i16; LANES]] {
+        self.sums[voxel * self.stride..(voxel + 1) * self.stride].as_chunks().0
+    }
+}
+
+/// A sum of rows, in whole numbers until it is complete.
+struct Sum<'a> {
+    sums: &'a ColumnSums,
+    whole: &'a mut [Lanes],
+    /// The components after the last whole block, and where they go.
+    rest: Lanes,
+    last: &'a mut [f32],
+}
+
+impl<'a> Sum<'a> {
+    fn new(sums: &'a ColumnSums, out: &'a mut [f32]) -> Self {
         out.fill(0.0);
-        dispatch(AddRuns(self, runs, &mut *out));
-        self.scale(out);
-    }
-
-    fn scale(&self, out: &mut [f32]) {
-        out.iter_mut().zip(&self.scales).for_each(|(out, scale)| *out *= scale);
+        let (whole, last) = out.as_chunks_mut();
+        Self { sums, whole, rest: [0.0; LANES], last }
     }
 
     #[inline(always)]
-    fn add(&self, start: usize, end: usize, out: &mut [f32]) {
-        for (out, sum) in out.iter_mut().zip(self.row(end - 1)) {
-            *out += f32::from(*sum);
-        }
-        if !start.is_multiple_of(self.dims.z()) {
-            for (out, sum) in out.iter_mut().zip(self.row(start - 1)) {
-                *out -= f32::from(*sum);
-            }
+    fn add(&mut self, start: usize, end: usize) {
+        self.add_row(end - 1, 1.0);
+        if !start.is_multiple_of(self.sums.dims.z()) {
+            self.add_row(start - 1, -1.0);
         }
     }
 
     #[inline(always)]
-    fn row(&self, voxel: usize) -> &[i16] {
-        &self.sums[voxel * self.width..(voxel + 1) * self.width]
+    fn add_row(&mut self, voxel: usize, sign: f32) {
+        let row = self.sums.row(voxel);
+        for (sum, row) in self.whole.iter_mut().zip(row) {
+            add(sum, row, sign);
+        }
+        if let Some(row) = row.get(self.whole.len()) {
+            add(&mut self.rest, row, sign);
+        }
+    }
+
+    #[inline(always)]
+    fn finish(self) {
+        self.last.iter_mut().zip(self.rest).for_each(|(last, sum)| *last = sum);
+        let out = self.whole.as_flattened_mut().iter_mut().chain(self.last);
+        out.zip(&self.sums.scales).for_each(|(out, scale)| *out *= scale);
+    }
+}
+
+#[inline(always)]
+fn add(sum: &mut Lanes, row: &[i16; LANES], sign: f32) {
+    let row = widen(row);
+    for l in 0..LANES {
+        sum[l] += sign * row[l];
     }
 }
 
 /// Adds the sums over the set bits.
-struct AddBits<'a>(&'a ColumnSums, &'a FixedBitSet, &'a mut [f32]);
+struct AddBits<'a>(Sum<'a>, &'a FixedBitSet);
 
 impl Kernel for AddBits<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Self(sums, bits, out) = self;
-        for_each_run(bits, sums.dims, 0..sums.dims.columns(), |start, end| sums.add(start, end, out));
+        let Self(mut sum, bits) = self;
+        let dims = sum.sums.dims;
+        for_each_run(bits, dims, 0..dims.columns(), |start, end| sum.add(start, end));
+        sum.finish();
     }
 }
 
 /// Adds the sums over runs.
-struct AddRuns<'a, R>(&'a ColumnSums, R, &'a mut [f32]);
+struct AddRuns<'a, R>(Sum<'a>, R);
 
 impl<R: Iterator<Item = (usize, usize)>> Kernel for AddRuns<'_, R> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Self(sums, runs, out) = self;
+        let Self(mut sum, runs) = self;
         for (start, end) in runs {
-            sums.add(start, end, out);
+            sum.add(start, end);
         }
+        sum.finish();
     }
 }
 

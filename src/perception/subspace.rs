@@ -5,11 +5,11 @@
 //! cheaper than the same in the shared basis. Of the voxels it needs the Gram matrix of [W_s, μ_s, 1] over the unknown ones
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
-use super::density::dot;
 use super::known::Known;
-use super::lanes::{Kernel, LANES, dispatch};
+use super::lanes::{Kernel, LANES, dispatch, multiply_add, widen};
 use super::prediction::{Columns, Posterior};
 use super::row_gram::{AddGram, packed, packed_len};
+use super::rows::Rows;
 use super::tiles::{TileGrams, Tiling};
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky_rows, dot64};
@@ -25,10 +25,8 @@ const BLOCK: usize = 1024;
 pub struct ClassSubspace {
     /// k, the number of directions.
     size: usize,
-    /// Values from row to row: k + 2, padded to whole blocks of lanes.
-    stride: usize,
     /// d rows of [W_s, μ_s, 1].
-    rows: Vec<f32>,
+    rows: Rows,
     /// The same without the ones, column by column.
     columns: Columns,
     /// Square roots of the prior variances.
@@ -64,7 +62,7 @@ impl Conditional {
             log_evidence: 0.0,
             distance2: 0.0,
             posterior: Posterior::new(size),
-            gathered: Vec::with_capacity(BLOCK * stride),
+            gathered: vec![0.0; BLOCK * stride],
             unknown: vec![0.0; packed_len(size + 2)],
             filled: vec![0.0; stride],
             factor: vec![0.0; size * size],
@@ -83,21 +81,25 @@ impl ClassSubspace {
         let (a, k) = (basis.rank(), class.variances.len());
         let (width, stride) = (k + 2, stride(k));
         let transform = Mat::from_fn(a, k + 1, |i, h| if h < k { class.directions[h * a + i] } else { class.mean[i] });
-        let mut rows = vec![0.0_f32; dims.voxels() * stride];
-        let grams: Vec<Vec<f64>> = rows
-            .par_chunks_mut(BLOCK * stride)
-            .enumerate()
-            .map(|(block, rows)| {
-                let count = rows.len() / stride;
-                let mut wide = vec![0.0_f32; count * a];
-                basis.widen(block * BLOCK..block * BLOCK + count, &mut wide);
-                let wide = MatRef::from_column_major_slice(&wide, a, count);
-                let mut product = Mat::<f32>::zeros(k + 1, count);
-                matmul(product.as_mut(), Accum::Replace, transform.transpose(), wide, 1.0, Par::Seq);
-                for (v, row) in rows.chunks_exact_mut(stride).enumerate() {
-                    row[..=k].copy_from_slice(product.col_as_slice(v));
-                    row[k + 1] = 1.0;
-                }
+        let mut wide = vec![0.0_f32; dims.voxels() * stride];
+        wide.par_chunks_mut(BLOCK * stride).enumerate().for_each(|(block, rows)| {
+            let count = rows.len() / stride;
+            let mut shared = vec![0.0_f32; count * a];
+            basis.widen(block * BLOCK..block * BLOCK + count, &mut shared);
+            let shared = MatRef::from_column_major_slice(&shared, a, count);
+            let mut product = Mat::<f32>::zeros(k + 1, count);
+            matmul(product.as_mut(), Accum::Replace, transform.transpose(), shared, 1.0, Par::Seq);
+            for (v, row) in rows.chunks_exact_mut(stride).enumerate() {
+                row[..=k].copy_from_slice(product.col_as_slice(v));
+                row[k + 1] = 1.0;
+            }
+        });
+        let rows = Rows::new(&wide, stride);
+        // From here on as they were rounded: sums over parts of the voxels then fit to those over all.
+        rows.widen(&[(0, dims.voxels())], &mut wide);
+        let grams: Vec<Vec<f64>> = wide
+            .par_chunks(BLOCK * stride)
+            .map(|rows| {
                 let mut gram = vec![0.0; packed_len(width)];
                 dispatch(AddGram { rows, stride, width, out: &mut gram });
                 gram
@@ -107,14 +109,14 @@ impl ClassSubspace {
         for part in &grams {
             gram.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
         }
-        let tiles = TileGrams::new(Tiling::new(dims), &rows, stride, width);
-        let columns = Columns::new(dims, k, &rows, stride);
-        Self { size: k, stride, rows, columns, scales: class.variances.iter().map(|v| v.sqrt()).collect(), gram, tiles }
+        let tiles = TileGrams::new(Tiling::new(dims), &wide, stride, width);
+        let columns = Columns::new(dims, k, &rows);
+        Self { size: k, rows, columns, scales: class.variances.iter().map(|v| v.sqrt()).collect(), gram, tiles }
     }
 
-    /// Numbers that [`Self::new`] keeps for a class with `size` directions.
-    pub fn values(dims: Dims, size: usize) -> usize {
-        dims.voxels() * stride(size) + Columns::values(dims, size) + Tiling::new(dims).cells() * packed_len(size + 2)
+    /// Bytes that [`Self::new`] keeps for a class with `size` directions.
+    pub fn bytes(dims: Dims, size: usize) -> usize {
+        2 * (dims.voxels() * stride(size) + Columns::values(dims, size)) + 4 * Tiling::new(dims).cells() * packed_len(size + 2)
     }
 
     /// Number of directions, k.
@@ -124,17 +126,13 @@ impl ClassSubspace {
 
     /// The class mean of one voxel, as learned (not clamped).
     pub fn mean(&self, voxel: usize) -> f32 {
-        self.row(voxel)[self.size]
+        self.rows.value(voxel, self.size)
     }
 
     /// Basis and mean as prediction reads them.
     #[inline(always)]
     pub(super) fn columns(&self) -> &Columns {
         &self.columns
-    }
-
-    fn row(&self, voxel: usize) -> &[f32] {
-        &self.rows[voxel * self.stride..(voxel + 1) * self.stride]
     }
 
     /// Conditions the class on the known voxels, with noise variance `noise`.
@@ -146,8 +144,7 @@ impl ClassSubspace {
     /// All that conditioning reads of the voxels, whatever the noise.
     pub fn gather(&self, known: &Known, out: &mut Conditional) {
         self.unknown_gram(known, out);
-        out.filled.fill(0.0);
-        dispatch(AddRows { class: self, voxels: &known.filled, out: &mut out.filled });
+        self.rows.add(&known.filled, &mut out.filled);
     }
 
     /// Conditions the class on what [`Self::gather`] has read, with noise variance `noise`.
@@ -193,19 +190,22 @@ impl ClassSubspace {
 
     /// The Gram matrix of the rows over the unknown voxels, into `out.unknown`.
     fn unknown_gram(&self, known: &Known, out: &mut Conditional) {
-        let (stride, width) = (self.stride, self.size + 2);
+        let (stride, width) = (self.rows.stride(), self.size + 2);
         out.unknown.fill(0.0);
         dispatch(self.tiles.add(&known.division.levels, &mut out.unknown));
-        out.gathered.clear();
-        for &(start, end) in &known.division.rest {
-            out.gathered.extend_from_slice(&self.rows[start * stride..end * stride]);
-            // A run more, of at most 256 voxels, still fits into what is reserved.
-            if out.gathered.len() >= (BLOCK - 256) * stride {
-                dispatch(AddGram { rows: &out.gathered, stride, width, out: &mut out.unknown });
-                out.gathered.clear();
-            }
+        let mut rest = &known.division.rest[..];
+        while !rest.is_empty() {
+            // As many runs as fit; one has at most 256 voxels.
+            let mut voxels = 0;
+            let mut fits = |(start, end): &(usize, usize)| {
+                voxels += end - start;
+                voxels <= BLOCK
+            };
+            let (runs, later) = rest.split_at(rest.iter().take_while(|run| fits(run)).count());
+            rest = later;
+            let count = self.rows.widen(runs, &mut out.gathered);
+            dispatch(AddGram { rows: &out.gathered[..count], stride, width, out: &mut out.unknown });
         }
-        dispatch(AddGram { rows: &out.gathered, stride, width, out: &mut out.unknown });
     }
 
     /// Posterior mean of the latent occupancy of every voxel, in their order, not clamped; `conditional` was conditioned before.
@@ -227,7 +227,8 @@ impl ClassSubspace {
             }
         }
         let entry = |i: usize, j: usize| if i == j { 1.0 / l[i * k + i] } else { l[j * k + i] };
-        conditional.posterior.set_spread(|i, j| (entry(i, j) * self.scales[j]) as f32);
+        let units = self.rows.scales();
+        conditional.posterior.prepare(units, |i, j| (entry(i, j) * self.scales[j]) as f32);
     }
 }
 
@@ -243,29 +244,22 @@ impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) {
-        let ClassSubspace { rows, stride, size, .. } = self.class;
-        for row in rows.chunks_exact(*stride) {
-            (self.each)(row[*size] + dot(&row[..*size], self.coefficients));
+        let (rows, size) = (&self.class.rows, self.class.size);
+        // The class mean with a coefficient of one; the rest of the last block with zeros.
+        let mut factors = [[0.0; LANES]; MOST_COMPONENTS / LANES + 1];
+        let weights = self.coefficients.iter().copied().chain([1.0]).zip(rows.scales());
+        for ((factor, (weight, scale)), component) in factors.as_flattened_mut().iter_mut().zip(weights).zip(0..) {
+            *factor = if component <= size { weight * scale } else { 0.0 };
         }
-    }
-}
-
-/// Adds the rows of some voxels to `out`.
-struct AddRows<'a> {
-    class: &'a ClassSubspace,
-    voxels: &'a [usize],
-    out: &'a mut [f64],
-}
-
-impl Kernel for AddRows<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        for &voxel in self.voxels {
-            for (sum, v) in self.out.iter_mut().zip(self.class.row(voxel)) {
-                *sum += f64::from(*v);
+        for row in rows.all() {
+            let mut sums = [0.0; LANES];
+            for (values, factors) in row.as_chunks::<LANES>().0.iter().zip(&factors) {
+                let values = widen(values);
+                for l in 0..LANES {
+                    sums[l] = multiply_add::<FUSED>(values[l], factors[l], sums[l]);
+                }
             }
+            (self.each)(sums.iter().sum());
         }
     }
 }
@@ -273,6 +267,7 @@ impl Kernel for AddRows<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::perception::prediction::Scratch;
     use half::f16;
 
     /// Everything by the textbook: the joint Gaussian over voxels, its marginal and its conditional.
@@ -320,7 +315,7 @@ mod tests {
             let cross: Vec<f64> = known.iter().map(|v| covariance(voxel, *v)).collect();
             let mean = voxel_mean(voxel) + cross.iter().zip(&weighted).map(|(c, w)| c * w).sum::<f64>();
             let explained: f64 = (0..n).map(|i| (0..n).map(|j| cross[i] * precision[(i, j)] * cross[j]).sum::<f64>()).sum();
-            let predicted = subspace.columns().predict::<false>(&conditional.posterior, voxel / 8, 0);
+            let predicted = subspace.columns().predict::<false>(&conditional.posterior, voxel / 8, 0, &mut Scratch::default());
             let (m, v) = (predicted.mean[voxel % 8], predicted.variance[voxel % 8]);
             assert!((f64::from(m) - mean).abs() < 1e-3, "{m} {mean}");
             assert!((f64::from(v) - (covariance(voxel, voxel) - explained)).abs() < 1e-3, "{v}");
