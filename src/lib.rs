@@ -20,6 +20,7 @@
 //! objects as queries are scored), [`evaluation`], [`service`] ← [`cli`]. [`picture`] draws what the last ones show, and
 //! [`linear`] wraps the factorisations. Only [`service`] and the subcommands know of shared memory (the crate `beo_ipc`).
 
+pub mod benchmark;
 pub mod cli;
 pub mod evaluation;
 pub mod grid;

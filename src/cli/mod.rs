@@ -3,6 +3,7 @@
 #[macro_use]
 mod output;
 
+mod bench;
 mod demo;
 mod eval;
 mod failure;
@@ -50,6 +51,8 @@ enum Command {
     Watch(watch::Watch),
     /// Start daemon, producer and watcher on made-up furniture, and show what is perceived
     Demo(demo::Demo),
+    /// Measure how fast this machine perceives and hands over grids
+    Bench(bench::Bench),
     /// Measure a model by the paper's protocol
     Eval(eval::Eval),
 }
@@ -77,6 +80,7 @@ pub fn run() -> ExitCode {
         Command::Watch(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Eval(command) => command.run(),
+        Command::Bench(command) => command.run(),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
