@@ -120,7 +120,10 @@ impl Producer {
     pub fn loan(&self) -> Result<Loan, LoanError> {
         let sample = self.publisher.loan_slice_uninit(self.voxels).map_err(|error| channel::loan_error(error, self.voxels, self.voxels))?;
         let mut sample = with_old_content(sample);
-        *sample.user_header_mut() = ObservationHeader { capture_ns: monotonic_ns(), ..self.template };
+        let header = sample.user_header_mut();
+        // The template first: its cache lines come from the reader's core while the clock is read.
+        *header = self.template;
+        header.capture_ns = monotonic_ns();
         Ok(Loan { sample, outlet: self.outlet.clone() })
     }
 

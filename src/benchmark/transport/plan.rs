@@ -10,6 +10,8 @@ pub enum Way {
     Ours,
     /// Publish-subscribe of bytes with an event, by iceoryx2 alone, with the settings of our channel.
     Raw,
+    /// The same with handles that must stay on one thread, and so need no lock.
+    Local,
     /// A Unix-domain stream socket.
     Socket,
     /// A pipe.
@@ -51,11 +53,13 @@ pub struct Exchange {
 
 impl Exchange {
     /// All that are measured, in the order in which they take turns. A stream has no pointer to hand over.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::new(Way::Ours, Work::Pointer, Wake::Polling),
         Self::new(Way::Raw, Work::Pointer, Wake::Polling),
+        Self::new(Way::Local, Work::Pointer, Wake::Polling),
         Self::new(Way::Ours, Work::Pointer, Wake::Event),
         Self::new(Way::Raw, Work::Pointer, Wake::Event),
+        Self::new(Way::Local, Work::Pointer, Wake::Event),
         Self::new(Way::Ours, Work::Sum, Wake::Event),
         Self::new(Way::Raw, Work::Sum, Wake::Event),
         Self::new(Way::Socket, Work::Sum, Wake::Event),

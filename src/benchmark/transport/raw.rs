@@ -1,5 +1,5 @@
 //! Plain iceoryx2: publish-subscribe of bytes and an event, with the limits of our channel and nothing else of ours. The header is
-//! the sender's stamp.
+//! the sender's stamp. With thread-safe handles, as ours are, or with those that stay on one thread.
 
 #![allow(unsafe_code)]
 
@@ -12,22 +12,21 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{AllocationStrategy, Node, NodeBuilder, ServiceName, SignalHandlingMode, ipc};
+use iceoryx2::prelude::{AllocationStrategy, Node, NodeBuilder, ServiceName, SignalHandlingMode};
+use iceoryx2::service::Service;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::mem::MaybeUninit;
 use std::time::Instant;
 
-/// The variant whose handles stay on one thread: iceoryx2's fastest between processes.
-type Service = ipc::Service;
-type Bytes = publish_subscribe::PortFactory<Service, [u8], u64>;
-type Event = event::PortFactory<Service>;
+type Bytes<S> = publish_subscribe::PortFactory<S, [u8], u64>;
+type Event<S> = event::PortFactory<S>;
 
 /// Both services; what both processes do alike.
-fn join(name: &str, side: u32) -> Result<(Node<Service>, Bytes, Event), TransportError> {
+fn join<S: Service>(name: &str, side: u32) -> Result<(Node<S>, Bytes<S>, Event<S>), TransportError> {
     let node = NodeBuilder::new()
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .config(&beo_ipc::node::config())
-        .create::<Service>()
+        .create::<S>()
         .map_err(raw("join"))?;
     let name: ServiceName = name.try_into().map_err(raw("name a service"))?;
     let start = Instant::now();
@@ -56,15 +55,15 @@ fn join(name: &str, side: u32) -> Result<(Node<Service>, Bytes, Event), Transpor
     }
 }
 
-pub(super) struct Sending {
-    publisher: Publisher<Service, [u8], u64>,
-    notifier: Notifier<Service>,
+pub(super) struct Sending<S: Service> {
+    publisher: Publisher<S, [u8], u64>,
+    notifier: Notifier<S>,
     len: usize,
     // Dropped last.
-    _node: Node<Service>,
+    _node: Node<S>,
 }
 
-impl Sending {
+impl<S: Service> Sending<S> {
     /// A publisher with all its chunks touched.
     pub fn open(name: &str, side: u32) -> Result<Self, TransportError> {
         let (node, publish, event) = join(name, side)?;
@@ -90,7 +89,7 @@ impl Sending {
     }
 }
 
-impl Outgoing for Sending {
+impl<S: Service> Outgoing for Sending<S> {
     fn send(&mut self, fill: Option<u8>) -> Result<(), TransportError> {
         let begin = monotonic_ns();
         let mut loan = self.publisher.loan_slice_uninit(self.len).map_err(raw("loan a chunk"))?;
@@ -106,14 +105,14 @@ impl Outgoing for Sending {
     }
 }
 
-pub(super) struct Receiving {
-    subscriber: Subscriber<Service, [u8], u64>,
-    listener: Listener<Service>,
+pub(super) struct Receiving<S: Service> {
+    subscriber: Subscriber<S, [u8], u64>,
+    listener: Listener<S>,
     // Dropped last.
-    _node: Node<Service>,
+    _node: Node<S>,
 }
 
-impl Receiving {
+impl<S: Service> Receiving<S> {
     /// A subscriber and a listener.
     pub fn open(name: &str, side: u32) -> Result<Self, TransportError> {
         let (node, publish, event) = join(name, side)?;
@@ -123,7 +122,7 @@ impl Receiving {
     }
 }
 
-impl Incoming for Receiving {
+impl<S: Service> Incoming for Receiving<S> {
     fn receive(&mut self, wake: Wake, work: Work, reader: &mut Reader) -> Result<Received, TransportError> {
         let sample = reader.wait_for(
             wake,

@@ -6,6 +6,7 @@ use super::plan::{Plan, Way, bytes};
 use super::{ours, raw, stream};
 use crate::benchmark::percentiles::{Percentiles, Times};
 use crate::grid::Dims;
+use iceoryx2::prelude::{ipc, ipc_threadsafe};
 use std::fs::File;
 use std::io::Write;
 use std::os::fd::AsFd;
@@ -30,14 +31,15 @@ pub(super) fn socket_address(name: &str) -> Result<SocketAddr, TransportError> {
 pub fn receive(name: &str, plan: &Plan, stop: &AtomicBool) -> Result<(), TransportError> {
     let socket = UnixStream::connect_addr(&socket_address(name)?).map_err(system("connect to the sender"))?;
     let pipe = std::io::stdin().as_fd().try_clone_to_owned().map(File::from).map_err(system("read standard input"))?;
-    let mut ends: Vec<[Box<dyn Incoming>; 4]> = Vec::new();
+    let mut ends: Vec<[Box<dyn Incoming>; 5]> = Vec::new();
     let mut readers = Vec::new();
     for &side in &plan.sides {
         let (instance, plain) = names(name, side)?;
         let (socket, pipe) = (socket.try_clone(), pipe.try_clone());
         ends.push([
             Box::new(ours::Receiving::open(&instance, side)?),
-            Box::new(raw::Receiving::open(&plain, side)?),
+            Box::new(raw::Receiving::<ipc_threadsafe::Service>::open(&plain, side)?),
+            Box::new(raw::Receiving::<ipc::Service>::open(&format!("{plain}-local"), side)?),
             Box::new(stream::Receiving::new(socket.map_err(system("share a socket"))?, bytes(side))),
             Box::new(stream::Receiving::new(pipe.map_err(system("share a pipe"))?, bytes(side))),
         ]);
@@ -75,7 +77,8 @@ pub(super) fn place(way: Way) -> usize {
     match way {
         Way::Ours => 0,
         Way::Raw => 1,
-        Way::Socket => 2,
-        Way::Pipe => 3,
+        Way::Local => 2,
+        Way::Socket => 3,
+        Way::Pipe => 4,
     }
 }

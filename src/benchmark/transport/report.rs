@@ -96,6 +96,8 @@ impl Report {
             raw(polled),
             raw(woken),
             raw(read),
+            over(polled, Exchange { way: Way::Local, ..polled }),
+            over(woken, Exchange { way: Way::Local, ..woken }),
             growth(polled),
             growth(woken),
             over(Exchange { way: Way::Socket, ..read }, read),
@@ -150,6 +152,7 @@ fn name(way: Way) -> &'static str {
     match way {
         Way::Ours => "ours",
         Way::Raw => "iceoryx2",
+        Way::Local => "iceoryx2 on one thread",
         Way::Socket => "socket",
         Way::Pipe => "pipe",
     }
@@ -193,8 +196,8 @@ mod tests {
         let report = Report::new(Machine::now(), true, &plan, &measured);
         assert_eq!(report.cells.len(), 2 * Exchange::ALL.len());
         assert!(report.ratios[..3].iter().all(|ratio| ratio.by_size == [1.5, 1.5]), "{:?}", report.ratios);
-        assert!((report.ratios[3].by_size[1] - 1.1).abs() < 1e-12);
-        assert!((report.ratios[5].by_size[0] - 1.0 / 1.5).abs() < 1e-12);
+        assert!((report.ratios[5].by_size[1] - 1.1).abs() < 1e-12);
+        assert!((report.ratios[7].by_size[0] - 1.0 / 1.5).abs() < 1e-12);
         let text = report.text();
         assert!(text.contains("ours: pointer, polling / iceoryx2: pointer, polling"), "{text}");
         assert!(report.chart().width() > 100);

@@ -6,6 +6,7 @@ use super::receiver::{names, place, socket_address};
 use super::{ours, raw, stream};
 use crate::benchmark::machine::pin;
 use crate::benchmark::percentiles::Percentiles;
+use iceoryx2::prelude::{ipc, ipc_threadsafe};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::io::Read;
 use std::os::fd::AsFd;
@@ -36,12 +37,13 @@ pub fn measure(
     let pipe = reader.child.stdin.take().ok_or_else(|| system("open a pipe")(std::io::ErrorKind::BrokenPipe.into()))?;
     // More is faster; where the system does not allow it, the pipe stays as it is.
     let _ = rustix::pipe::fcntl_setpipe_size(&pipe, PIPE_BYTES);
-    let mut ends: Vec<[Box<dyn Outgoing + '_>; 4]> = Vec::new();
+    let mut ends: Vec<[Box<dyn Outgoing + '_>; 5]> = Vec::new();
     for &side in &plan.sides {
         let (instance, plain) = names(name, side)?;
         ends.push([
             Box::new(ours::Sending::open(&instance, side)?),
-            Box::new(raw::Sending::open(&plain, side)?),
+            Box::new(raw::Sending::<ipc_threadsafe::Service>::open(&plain, side)?),
+            Box::new(raw::Sending::<ipc::Service>::open(&format!("{plain}-local"), side)?),
             Box::new(stream::Sending::new(&socket, bytes(side))),
             Box::new(stream::Sending::new(&pipe, bytes(side))),
         ]);
