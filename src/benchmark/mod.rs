@@ -4,4 +4,5 @@
 
 pub mod machine;
 pub mod percentiles;
+pub mod query;
 pub mod transport;

@@ -1,5 +1,6 @@
 //! `beo bench`: how fast it is, beside what it could be compared with.
 
+mod query;
 mod transport;
 
 use super::failure::Failure;
@@ -14,6 +15,8 @@ pub struct Bench {
 
 #[derive(Subcommand)]
 enum What {
+    /// Time the compute of queries alone, beside peers and the machine's own limits
+    Query(query::Query),
     /// Time handing grids from one process to another, by our channels and by others
     Transport(transport::Transport),
     /// The reading process of `transport`
@@ -25,6 +28,7 @@ impl Bench {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         match self.what {
+            What::Query(command) => command.run(),
             What::Transport(command) => command.run(),
             What::TransportReader(command) => command.run(),
         }
