@@ -18,7 +18,8 @@
 //!
 //! Imports run one way: [`grid`] ← [`shapes`], [`model`] ← [`perception`] ← [`learning`] (whose calibration scores held-out
 //! objects as queries are scored), [`evaluation`], [`service`] ← [`cli`]. [`picture`] draws what the last ones show, and
-//! [`linear`] wraps the factorisations. Only [`service`] and the subcommands know of shared memory (the crate `beo_ipc`).
+//! [`linear`] wraps the factorisations, and [`benchmark`] measures. Only [`service`], the hand-overs of [`benchmark`] and the
+//! subcommands know of shared memory (the crate `beo_ipc`).
 
 pub mod benchmark;
 pub mod cli;

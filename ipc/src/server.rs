@@ -142,6 +142,8 @@ impl Server {
     ///
     /// # Errors
     /// [`ReceiveError::TooManyHeld`] until an observation taken earlier is dropped.
+    // Across crates too: else every look that finds nothing moves the room of a whole observation, a third of a microsecond in all.
+    #[inline]
     pub fn receive(&self) -> Result<Option<Observation>, ReceiveError> {
         let Some(sample) = self.observations.receive().map_err(channel::receive_error)? else { return Ok(None) };
         let header = copy_of(sample.user_header());
@@ -239,6 +241,7 @@ impl Observation {
     ///
     /// # Errors
     /// [`Refusal`]: what is wrong with the header or the payload's length.
+    #[inline]
     pub fn voxels(&self) -> Result<&[u8], Refusal> {
         let voxels = validate(&self.header, self.payload_len)?;
         // iceoryx2 reads the length from shared memory anew: a producer could have changed it since.

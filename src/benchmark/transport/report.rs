@@ -141,7 +141,7 @@ impl Report {
                     (short(exchange), values.collect())
                 })
                 .collect();
-            Chart { y_log: true, width: 820, ..Chart::new(title, "", "median, µs") }.bars(&sizes, &series)
+            Chart { y_log: true, width: 1100, ..Chart::new(title, "", "median, µs") }.bars(&sizes, &series)
         };
         let charts = [chart("Hand-over of the pointer", true), chart("Payload written and read", false)];
         sheet(&charts.map(|chart| vec![(chart, String::new())]), "")
@@ -152,7 +152,7 @@ fn name(way: Way) -> &'static str {
     match way {
         Way::Ours => "ours",
         Way::Raw => "iceoryx2",
-        Way::Local => "iceoryx2 on one thread",
+        Way::Local => "iceoryx2, no lock",
         Way::Socket => "socket",
         Way::Pipe => "pipe",
     }
