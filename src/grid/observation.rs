@@ -92,8 +92,8 @@ impl Observation {
             for (eight, codes) in copy.as_chunks::<8>().0.iter().enumerate() {
                 let codes = u64::from_le_bytes(*codes);
                 // 255 has both of these bits, 1 the first, 0 none; and what is left of another code is not nothing.
-                let (first, last) = (codes & LOWEST_BITS, codes >> 7 & LOWEST_BITS);
-                wrong |= codes ^ (last * 255 | first);
+                let (first, last) = (codes & LOWEST_BITS, (codes >> 7) & LOWEST_BITS);
+                wrong |= codes ^ ((last * 255) | first);
                 marked |= (gathered(first) as usize) << (8 * eight);
                 unknown |= (gathered(last) as usize) << (8 * eight);
             }

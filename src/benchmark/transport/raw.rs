@@ -18,11 +18,14 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::mem::MaybeUninit;
 use std::time::Instant;
 
-type Bytes<S> = publish_subscribe::PortFactory<S, [u8], u64>;
-type Event<S> = event::PortFactory<S>;
+/// Both services; what both processes need alike.
+struct Joined<S: Service> {
+    publish: publish_subscribe::PortFactory<S, [u8], u64>,
+    event: event::PortFactory<S>,
+    node: Node<S>,
+}
 
-/// Both services; what both processes do alike.
-fn join<S: Service>(name: &str, side: u32) -> Result<(Node<S>, Bytes<S>, Event<S>), TransportError> {
+fn join<S: Service>(name: &str, side: u32) -> Result<Joined<S>, TransportError> {
     let node = NodeBuilder::new()
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .config(&beo_ipc::node::config())
@@ -44,7 +47,7 @@ fn join<S: Service>(name: &str, side: u32) -> Result<(Node<S>, Bytes<S>, Event<S
             .open_or_create();
         let event = node.service_builder(&name).event().open_or_create();
         match (publish, event) {
-            (Ok(publish), Ok(event)) => return Ok((node, publish, event)),
+            (Ok(publish), Ok(event)) => return Ok(Joined { publish, event, node }),
             // The other process may be creating the same services.
             (publish, event) if start.elapsed() > PATIENCE => {
                 publish.map_err(raw("open a service"))?;
@@ -66,7 +69,7 @@ pub(super) struct Sending<S: Service> {
 impl<S: Service> Sending<S> {
     /// A publisher with all its chunks touched.
     pub fn open(name: &str, side: u32) -> Result<Self, TransportError> {
-        let (node, publish, event) = join(name, side)?;
+        let Joined { publish, event, node } = join(name, side)?;
         let (len, chunks) = (bytes(side), observation_chunks(bytes(side)));
         beo_ipc::memory::require_shared_memory((chunks * (len + 512)) as u64)?;
         let publisher = publish
@@ -115,7 +118,7 @@ pub(super) struct Receiving<S: Service> {
 impl<S: Service> Receiving<S> {
     /// A subscriber and a listener.
     pub fn open(name: &str, side: u32) -> Result<Self, TransportError> {
-        let (node, publish, event) = join(name, side)?;
+        let Joined { publish, event, node } = join(name, side)?;
         let listener = event.listener_builder().create().map_err(raw("make a listener"))?;
         let subscriber = publish.subscriber_builder().create().map_err(raw("make a subscriber"))?;
         Ok(Self { subscriber, listener, _node: node })
