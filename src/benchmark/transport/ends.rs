@@ -95,7 +95,7 @@ pub(super) struct Received {
     pub sent_ns: u64,
     /// When its reader had done its work.
     pub done_ns: u64,
-    /// What came of it: the sum of the bytes, or the number of filled voxels.
+    /// What came of it: the sum of the bytes, or the number of filled voxels and of known ones.
     pub value: u64,
 }
 
@@ -124,7 +124,7 @@ impl<'a> Reader<'a> {
         };
         let done_ns = monotonic_ns();
         if work == Work::Validate {
-            value = self.observation.filled().count_ones(..) as u64;
+            value = (self.observation.filled().count_ones(..) + self.observation.known().count_ones(..)) as u64;
         }
         Ok(Received { sent_ns, done_ns, value })
     }
@@ -179,8 +179,8 @@ pub(super) fn expected(work: Work, fill: Option<u8>, bytes: usize) -> u64 {
     let bytes = bytes as u64;
     match (work, fill) {
         (Work::Sum, Some(byte)) => u64::from(byte) * bytes,
-        (Work::Validate, Some(1)) => bytes,
-        (Work::Validate, _) => 0,
+        (Work::Validate, Some(1)) => 2 * bytes,
+        (Work::Validate, Some(UNKNOWN)) => 0,
         _ => bytes,
     }
 }
