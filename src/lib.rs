@@ -17,9 +17,9 @@
 //! ([`perception::ClassSubspace`]), and calibration on held-out objects ([`learning`], `calibration`).
 //!
 //! Imports run one way: [`grid`] ← [`shapes`], [`model`] ← [`perception`] ← [`learning`] (whose calibration scores held-out
-//! objects as queries are scored), [`evaluation`], [`service`] ← [`cli`]. [`picture`] draws what the last ones show, and
-//! [`linear`] wraps the factorisations, and [`benchmark`] measures. Only [`service`], the hand-overs of [`benchmark`] and the
-//! subcommands know of shared memory (the crate `beo_ipc`).
+//! objects as queries are scored), [`evaluation`], [`service`] ← [`benchmark`] ← [`cli`]. [`picture`] draws what the last ones show,
+//! [`linear`] wraps the factorisations, and [`process`] starts other processes. Only [`service`], [`benchmark`] and the subcommands know
+//! of shared memory (the crate `beo_ipc`).
 
 pub mod benchmark;
 pub mod cli;
@@ -30,5 +30,6 @@ pub mod linear;
 pub mod model;
 pub mod perception;
 pub mod picture;
+pub mod process;
 pub mod service;
 pub mod shapes;

@@ -75,6 +75,34 @@ pub fn cholesky(matrix: &mut Mat<f64>) -> Result<(), LinearError> {
     Ok(())
 }
 
+/// The Cholesky factor L of a small symmetric positive definite matrix: n × n row-major, of which only the lower half is read
+/// and replaced. Unlike [`cholesky`] it allocates nothing.
+pub fn cholesky_rows(matrix: &mut [f64], n: usize) -> Result<(), LinearError> {
+    for i in 0..n {
+        let (above, row) = matrix.split_at_mut(i * n);
+        for j in 0..i {
+            row[j] = (row[j] - dot64(&above[j * n..j * n + j], &row[..j])) / above[j * n + j];
+        }
+        let pivot = row[i] - dot64(&row[..i], &row[..i]);
+        if pivot.is_nan() || pivot <= 0.0 {
+            return Err(LinearError::NotPositiveDefinite { size: n, pivot: i });
+        }
+        row[i] = pivot.sqrt();
+    }
+    Ok(())
+}
+
+/// Inner product over the shorter length, in four partial sums.
+pub fn dot64(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len().min(b.len());
+    let ((a, a_rest), (b, b_rest)) = (a[..n].as_chunks::<4>(), b[..n].as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        (0..4).for_each(|i| sums[i] += a[i] * b[i]);
+    }
+    sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+}
+
 /// log |M| of M = L Lᵀ from its Cholesky factor.
 pub fn log_determinant(factor: MatRef<'_, f64>) -> f64 {
     (0..factor.nrows()).map(|i| 2.0 * factor[(i, i)].ln()).sum()
@@ -144,6 +172,23 @@ mod tests {
             assert!((value - expected).abs() < 1e-9, "{x:?}");
         }
         assert!((log_determinant(factor.as_ref()) - 20.75_f64.ln()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_small_factor_is_that_of_faer() {
+        for n in [0, 1, 3, 4, 9, 30] {
+            let entry = |i: usize, j: usize| ((i * 7 + j * 7 + i * j) % 11) as f64 / 11.0 + if i == j { n as f64 } else { 0.0 };
+            let mut expected = Mat::from_fn(n, n, entry);
+            cholesky(&mut expected).unwrap();
+            let mut found: Vec<f64> = (0..n * n).map(|at| if at % n <= at / n { entry(at / n, at % n) } else { f64::NAN }).collect();
+            cholesky_rows(&mut found, n).unwrap();
+            for i in 0..n {
+                (0..=i).for_each(|j| assert!((found[i * n + j] - expected[(i, j)]).abs() < 1e-12, "{n}: ({i}, {j})"));
+            }
+        }
+        let indefinite = LinearError::NotPositiveDefinite { size: 2, pivot: 1 };
+        assert_eq!(cholesky_rows(&mut [1.0, 0.0, 2.0, 4.0], 2), Err(indefinite.clone()));
+        assert_eq!(cholesky_rows(&mut [1.0, 0.0, 0.0, f64::NAN], 2), Err(indefinite));
     }
 
     #[test]

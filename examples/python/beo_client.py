@@ -156,6 +156,7 @@ class Loan:
         producer = self._producer
         producer.sent += 1
         self.header.sequence = sequence = producer.sent
+        self.header.written_ns = monotonic_ns()
         sample, self._sample, self.header, self.voxels = self._sample, None, None, None
         sample.assume_init().send()
         producer.notifier.notify()

@@ -61,6 +61,7 @@ class ObservationHeader(ctypes.Structure):
         ("sequence", ctypes.c_uint64),
         ("capture_ns", ctypes.c_uint64),
         ("sensor_stamp_ns", ctypes.c_uint64),
+        ("written_ns", ctypes.c_uint64),
         ("deadline_ns", ctypes.c_uint64),
         ("position_m", ctypes.c_double * 3),
         ("orientation", ctypes.c_double * 4),
@@ -75,7 +76,7 @@ class ObservationHeader(ctypes.Structure):
         ("continues", ctypes.c_uint32),
         ("rotation_prior_concentration", ctypes.c_float),
         ("rotation_prior", ctypes.c_float * 4),
-        ("reserved", ctypes.c_uint8 * 32),
+        ("reserved", ctypes.c_uint8 * 24),
     ]
 
     @staticmethod
@@ -91,21 +92,22 @@ assert ObservationHeader.object_id.offset == 16 and ObservationHeader.object_id.
 assert ObservationHeader.sequence.offset == 24 and ObservationHeader.sequence.size == 8
 assert ObservationHeader.capture_ns.offset == 32 and ObservationHeader.capture_ns.size == 8
 assert ObservationHeader.sensor_stamp_ns.offset == 40 and ObservationHeader.sensor_stamp_ns.size == 8
-assert ObservationHeader.deadline_ns.offset == 48 and ObservationHeader.deadline_ns.size == 8
-assert ObservationHeader.position_m.offset == 56 and ObservationHeader.position_m.size == 24
-assert ObservationHeader.orientation.offset == 80 and ObservationHeader.orientation.size == 32
-assert ObservationHeader.voxel_size_m.offset == 112 and ObservationHeader.voxel_size_m.size == 4
-assert ObservationHeader.dims.offset == 116 and ObservationHeader.dims.size == 12
-assert ObservationHeader.tasks.offset == 128 and ObservationHeader.tasks.size == 4
-assert ObservationHeader.completion_frame.offset == 132 and ObservationHeader.completion_frame.size == 4
-assert ObservationHeader.outside.offset == 136 and ObservationHeader.outside.size == 4
-assert ObservationHeader.view.offset == 140 and ObservationHeader.view.size == 4
-assert ObservationHeader.frame_id.offset == 144 and ObservationHeader.frame_id.size == 32
-assert ObservationHeader.continued_object_id.offset == 176 and ObservationHeader.continued_object_id.size == 8
-assert ObservationHeader.continues.offset == 184 and ObservationHeader.continues.size == 4
-assert ObservationHeader.rotation_prior_concentration.offset == 188 and ObservationHeader.rotation_prior_concentration.size == 4
-assert ObservationHeader.rotation_prior.offset == 192 and ObservationHeader.rotation_prior.size == 16
-assert ObservationHeader.reserved.offset == 208 and ObservationHeader.reserved.size == 32
+assert ObservationHeader.written_ns.offset == 48 and ObservationHeader.written_ns.size == 8
+assert ObservationHeader.deadline_ns.offset == 56 and ObservationHeader.deadline_ns.size == 8
+assert ObservationHeader.position_m.offset == 64 and ObservationHeader.position_m.size == 24
+assert ObservationHeader.orientation.offset == 88 and ObservationHeader.orientation.size == 32
+assert ObservationHeader.voxel_size_m.offset == 120 and ObservationHeader.voxel_size_m.size == 4
+assert ObservationHeader.dims.offset == 124 and ObservationHeader.dims.size == 12
+assert ObservationHeader.tasks.offset == 136 and ObservationHeader.tasks.size == 4
+assert ObservationHeader.completion_frame.offset == 140 and ObservationHeader.completion_frame.size == 4
+assert ObservationHeader.outside.offset == 144 and ObservationHeader.outside.size == 4
+assert ObservationHeader.view.offset == 148 and ObservationHeader.view.size == 4
+assert ObservationHeader.frame_id.offset == 152 and ObservationHeader.frame_id.size == 32
+assert ObservationHeader.continued_object_id.offset == 184 and ObservationHeader.continued_object_id.size == 8
+assert ObservationHeader.continues.offset == 192 and ObservationHeader.continues.size == 4
+assert ObservationHeader.rotation_prior_concentration.offset == 196 and ObservationHeader.rotation_prior_concentration.size == 4
+assert ObservationHeader.rotation_prior.offset == 200 and ObservationHeader.rotation_prior.size == 16
+assert ObservationHeader.reserved.offset == 216 and ObservationHeader.reserved.size == 24
 
 
 class Hypothesis(ctypes.Structure):
@@ -138,7 +140,9 @@ class Percept(ctypes.Structure):
         ("detail", ctypes.c_uint64),
         ("capture_ns", ctypes.c_uint64),
         ("sensor_stamp_ns", ctypes.c_uint64),
+        ("written_ns", ctypes.c_uint64),
         ("received_ns", ctypes.c_uint64),
+        ("projected_ns", ctypes.c_uint64),
         ("classified_ns", ctypes.c_uint64),
         ("posed_ns", ctypes.c_uint64),
         ("completed_ns", ctypes.c_uint64),
@@ -158,7 +162,7 @@ class Percept(ctypes.Structure):
         ("log_evidence", ctypes.c_float * 64),
         ("hypotheses", Hypothesis * 8),
         ("explanation", ctypes.c_uint8 * 128),
-        ("reserved", ctypes.c_uint8 * 64),
+        ("reserved", ctypes.c_uint8 * 48),
     ]
 
     @staticmethod
@@ -177,27 +181,29 @@ assert Percept.sequence.offset == 40 and Percept.sequence.size == 8
 assert Percept.detail.offset == 48 and Percept.detail.size == 8
 assert Percept.capture_ns.offset == 56 and Percept.capture_ns.size == 8
 assert Percept.sensor_stamp_ns.offset == 64 and Percept.sensor_stamp_ns.size == 8
-assert Percept.received_ns.offset == 72 and Percept.received_ns.size == 8
-assert Percept.classified_ns.offset == 80 and Percept.classified_ns.size == 8
-assert Percept.posed_ns.offset == 88 and Percept.posed_ns.size == 8
-assert Percept.completed_ns.offset == 96 and Percept.completed_ns.size == 8
-assert Percept.published_ns.offset == 104 and Percept.published_ns.size == 8
-assert Percept.position_m.offset == 112 and Percept.position_m.size == 24
-assert Percept.orientation.offset == 136 and Percept.orientation.size == 32
-assert Percept.voxel_size_m.offset == 168 and Percept.voxel_size_m.size == 4
-assert Percept.dims.offset == 172 and Percept.dims.size == 12
-assert Percept.frame_id.offset == 184 and Percept.frame_id.size == 32
-assert Percept.method.offset == 216 and Percept.method.size == 4
-assert Percept.class_count.offset == 220 and Percept.class_count.size == 4
-assert Percept.class_index.offset == 224 and Percept.class_index.size == 4
-assert Percept.hypothesis_count.offset == 228 and Percept.hypothesis_count.size == 4
-assert Percept.rotation_spread_rad.offset == 232 and Percept.rotation_spread_rad.size == 4
-assert Percept.tasks.offset == 236 and Percept.tasks.size == 4
-assert Percept.posterior.offset == 240 and Percept.posterior.size == 256
-assert Percept.log_evidence.offset == 496 and Percept.log_evidence.size == 256
-assert Percept.hypotheses.offset == 752 and Percept.hypotheses.size == 192
-assert Percept.explanation.offset == 944 and Percept.explanation.size == 128
-assert Percept.reserved.offset == 1072 and Percept.reserved.size == 64
+assert Percept.written_ns.offset == 72 and Percept.written_ns.size == 8
+assert Percept.received_ns.offset == 80 and Percept.received_ns.size == 8
+assert Percept.projected_ns.offset == 88 and Percept.projected_ns.size == 8
+assert Percept.classified_ns.offset == 96 and Percept.classified_ns.size == 8
+assert Percept.posed_ns.offset == 104 and Percept.posed_ns.size == 8
+assert Percept.completed_ns.offset == 112 and Percept.completed_ns.size == 8
+assert Percept.published_ns.offset == 120 and Percept.published_ns.size == 8
+assert Percept.position_m.offset == 128 and Percept.position_m.size == 24
+assert Percept.orientation.offset == 152 and Percept.orientation.size == 32
+assert Percept.voxel_size_m.offset == 184 and Percept.voxel_size_m.size == 4
+assert Percept.dims.offset == 188 and Percept.dims.size == 12
+assert Percept.frame_id.offset == 200 and Percept.frame_id.size == 32
+assert Percept.method.offset == 232 and Percept.method.size == 4
+assert Percept.class_count.offset == 236 and Percept.class_count.size == 4
+assert Percept.class_index.offset == 240 and Percept.class_index.size == 4
+assert Percept.hypothesis_count.offset == 244 and Percept.hypothesis_count.size == 4
+assert Percept.rotation_spread_rad.offset == 248 and Percept.rotation_spread_rad.size == 4
+assert Percept.tasks.offset == 252 and Percept.tasks.size == 4
+assert Percept.posterior.offset == 256 and Percept.posterior.size == 256
+assert Percept.log_evidence.offset == 512 and Percept.log_evidence.size == 256
+assert Percept.hypotheses.offset == 768 and Percept.hypotheses.size == 192
+assert Percept.explanation.offset == 960 and Percept.explanation.size == 128
+assert Percept.reserved.offset == 1088 and Percept.reserved.size == 48
 
 
 class CompletionHeader(ctypes.Structure):
@@ -302,8 +308,8 @@ assert Status.reserved.offset == 2232 and Status.reserved.size == 64
 
 # What the attribute `beo.layout` of each service must say.
 LAYOUTS = {
-    "observation": "a28f817cd7bc9c7f",
-    "percept": "19cdcd38a8a57540",
+    "observation": "ac18ffaea62b8ecf",
+    "percept": "647c48a55f3a6c9d",
     "completion": "afcef3a2f37815de",
     "status": "3d431661199e0a0b",
 }

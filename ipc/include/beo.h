@@ -253,7 +253,7 @@ typedef struct beo_subscriber beo_subscriber;
 /**
  * Travels with every observation, before its voxels (one byte each: 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`).
  *
- * `producer_id`, `sequence`, `dims` and the default of `capture_ns` are filled in by `beo_producer`.
+ * `producer_id`, `sequence`, `written_ns`, `dims` and the default of `capture_ns` are filled in by `beo_producer`.
  */
 typedef struct beo_observation_header {
     /** `BEO_ABI_VERSION`. */
@@ -270,6 +270,8 @@ typedef struct beo_observation_header {
     uint64_t capture_ns;
     /** The producer's own stamp, of any clock, passed through. */
     uint64_t sensor_stamp_ns;
+    /** When the grid was written and sent; 0 if the producer does not say. */
+    uint64_t written_ns;
     /** After this time the answer is of no use; 0 for no deadline. */
     uint64_t deadline_ns;
     /** The grid's centre in the frame `frame_id`, metres. */
@@ -305,7 +307,7 @@ typedef struct beo_observation_header {
      */
     float rotation_prior[4];
     /** 0. */
-    uint8_t reserved[32];
+    uint8_t reserved[24];
 } beo_observation_header;
 
 /** How to subscribe. Start from `BEO_SUBSCRIBER_OPTIONS_INIT`. */
@@ -352,8 +354,12 @@ typedef struct beo_percept {
     uint64_t capture_ns;
     /** The producer's own stamp, passed through. */
     uint64_t sensor_stamp_ns;
+    /** When the producer sent the observation; 0 if it does not say. */
+    uint64_t written_ns;
     /** When the daemon took the observation. */
     uint64_t received_ns;
+    /** When the known voxels were projected; in a search, when every rotation's score was there. */
+    uint64_t projected_ns;
     /** When the class posterior was ready. */
     uint64_t classified_ns;
     /** When the pose hypotheses were ready. */
@@ -393,7 +399,7 @@ typedef struct beo_percept {
     /** Why the observation was refused, for people: UTF-8, padded with NUL. */
     uint8_t explanation[128];
     /** 0. */
-    uint8_t reserved[64];
+    uint8_t reserved[48];
 } beo_percept;
 
 /**
@@ -560,8 +566,8 @@ beo_status beo_subscriber_close(struct beo_subscriber *subscriber);
  * percepts and completions there are: one wake-up can stand for several.
  *
  * `BEO_STATUS_TIMEOUT` if nothing came, `BEO_STATUS_NOT_RUNNING` if nothing came and no daemon is there: waiting again is right for both,
- * as this call also connects to the next daemon. `BEO_STATUS_INTERRUPTED` if a signal came: the library installs no handlers, the caller's
- * have run.
+ * as this call also connects to the next daemon. `BEO_STATUS_INTERRUPTED` if a signal came while it slept: the library installs no
+ * handlers, the caller's have run. One that comes just before it sleeps does not end it: whoever stops by a signal waits with a timeout.
  */
 beo_status beo_subscriber_wait(struct beo_subscriber *subscriber,
                                int32_t timeout_ms);
@@ -670,7 +676,7 @@ beo_status beo_producer_loan(struct beo_producer *producer,
  * closed, or let go of a daemon that went away, after the loan: the grid is lost.
  *
  * `header` says what the grid is and what is asked for; start from `beo_observation_header_init`; NULL stands for what that fills in.
- * `producer_id` and `sequence` are filled in here, and `capture_ns` if it is 0: with the time of the loan.
+ * `producer_id`, `sequence` and `written_ns` are filled in here, and `capture_ns` if it is 0: with the time of the loan.
  *
  * The caller promises:
  * `header` is NULL or readable; `sequence` is NULL or writable.
@@ -755,36 +761,38 @@ BEO_STATIC_ASSERT(offsetof(beo_observation_header, capture_ns) == 32, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->capture_ns) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_observation_header, sensor_stamp_ns) == 40, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->sensor_stamp_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, deadline_ns) == 48, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, written_ns) == 48, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->written_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, deadline_ns) == 56, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->deadline_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, position_m) == 56, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, position_m) == 64, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->position_m) == 24, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, orientation) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, orientation) == 88, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->orientation) == 32, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, voxel_size_m) == 112, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, voxel_size_m) == 120, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->voxel_size_m) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, dims) == 116, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, dims) == 124, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->dims) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, tasks) == 128, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, tasks) == 136, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->tasks) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, completion_frame) == 132, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, completion_frame) == 140, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->completion_frame) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, outside) == 136, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, outside) == 144, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->outside) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, view) == 140, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, view) == 148, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->view) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, frame_id) == 144, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, frame_id) == 152, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->frame_id) == 32, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, continued_object_id) == 176, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, continued_object_id) == 184, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->continued_object_id) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, continues) == 184, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, continues) == 192, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->continues) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior_concentration) == 188, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior_concentration) == 196, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->rotation_prior_concentration) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior) == 192, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior) == 200, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->rotation_prior) == 16, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, reserved) == 208, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->reserved) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, reserved) == 216, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->reserved) == 24, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_hypothesis) == 24, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_hypothesis, rotation_object_to_grid) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->rotation_object_to_grid) == 16, "layout");
@@ -813,48 +821,52 @@ BEO_STATIC_ASSERT(offsetof(beo_percept, capture_ns) == 56, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->capture_ns) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_percept, sensor_stamp_ns) == 64, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->sensor_stamp_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, received_ns) == 72, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, written_ns) == 72, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->written_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, received_ns) == 80, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->received_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, classified_ns) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, projected_ns) == 88, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->projected_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, classified_ns) == 96, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->classified_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, posed_ns) == 88, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, posed_ns) == 104, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->posed_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, completed_ns) == 96, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, completed_ns) == 112, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->completed_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, published_ns) == 104, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, published_ns) == 120, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->published_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, position_m) == 112, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, position_m) == 128, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->position_m) == 24, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, orientation) == 136, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, orientation) == 152, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->orientation) == 32, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, voxel_size_m) == 168, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, voxel_size_m) == 184, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->voxel_size_m) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, dims) == 172, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, dims) == 188, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->dims) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, frame_id) == 184, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, frame_id) == 200, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->frame_id) == 32, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, method) == 216, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, method) == 232, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->method) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, class_count) == 220, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, class_count) == 236, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->class_count) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, class_index) == 224, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, class_index) == 240, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->class_index) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, hypothesis_count) == 228, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, hypothesis_count) == 244, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->hypothesis_count) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, rotation_spread_rad) == 232, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, rotation_spread_rad) == 248, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->rotation_spread_rad) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, tasks) == 236, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, tasks) == 252, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->tasks) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, posterior) == 240, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, posterior) == 256, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->posterior) == 256, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, log_evidence) == 496, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, log_evidence) == 512, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->log_evidence) == 256, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, hypotheses) == 752, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, hypotheses) == 768, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->hypotheses) == 192, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, explanation) == 944, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, explanation) == 960, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->explanation) == 128, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, reserved) == 1072, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->reserved) == 64, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, reserved) == 1088, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->reserved) == 48, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_completion_header) == 264, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_header, abi_version) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->abi_version) == 4, "layout");

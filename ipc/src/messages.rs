@@ -21,7 +21,7 @@ pub const NO_CLASS: u32 = u32::MAX;
 
 /// Travels with every observation, before its voxels (one byte each: 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`).
 ///
-/// `producer_id`, `sequence`, `dims` and the default of `capture_ns` are filled in by [`crate::Producer`].
+/// `producer_id`, `sequence`, `written_ns`, `dims` and the default of `capture_ns` are filled in by [`crate::Producer`].
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("beo.v1.ObservationHeader")]
@@ -40,6 +40,8 @@ pub struct ObservationHeader {
     pub capture_ns: u64,
     /// The producer's own stamp, of any clock, passed through.
     pub sensor_stamp_ns: u64,
+    /// When the grid was written and sent; 0 if the producer does not say.
+    pub written_ns: u64,
     /// After this time the answer is of no use; 0 for no deadline.
     pub deadline_ns: u64,
     /// The grid's centre in the frame `frame_id`, metres.
@@ -71,12 +73,13 @@ pub struct ObservationHeader {
     /// `rotation_prior_concentration` is not 0.
     pub rotation_prior: [f32; 4],
     /// 0.
-    pub reserved: [u8; 32],
+    pub reserved: [u8; 24],
 }
 layout!(ObservationHeader: 240 {
-    abi_version @ 0, pose_search @ 4, producer_id @ 8, object_id @ 16, sequence @ 24, capture_ns @ 32, sensor_stamp_ns @ 40, deadline_ns @ 48,
-    position_m @ 56, orientation @ 80, voxel_size_m @ 112, dims @ 116, tasks @ 128, completion_frame @ 132, outside @ 136, view @ 140,
-    frame_id @ 144, continued_object_id @ 176, continues @ 184, rotation_prior_concentration @ 188, rotation_prior @ 192, reserved @ 208,
+    abi_version @ 0, pose_search @ 4, producer_id @ 8, object_id @ 16, sequence @ 24, capture_ns @ 32, sensor_stamp_ns @ 40, written_ns @ 48,
+    deadline_ns @ 56, position_m @ 64, orientation @ 88, voxel_size_m @ 120, dims @ 124, tasks @ 136, completion_frame @ 140, outside @ 144,
+    view @ 148, frame_id @ 152, continued_object_id @ 184, continues @ 192, rotation_prior_concentration @ 196, rotation_prior @ 200,
+    reserved @ 216,
 });
 
 impl ObservationHeader {
@@ -90,6 +93,7 @@ impl ObservationHeader {
             sequence: 0,
             capture_ns: 0,
             sensor_stamp_ns: 0,
+            written_ns: 0,
             deadline_ns: 0,
             position_m: [0.0; 3],
             orientation: [0.0, 0.0, 0.0, 1.0],
@@ -104,7 +108,7 @@ impl ObservationHeader {
             continues: 0,
             rotation_prior_concentration: 0.0,
             rotation_prior: [0.0, 0.0, 0.0, 1.0],
-            reserved: [0; 32],
+            reserved: [0; 24],
         }
     }
 }
@@ -164,8 +168,12 @@ pub struct Percept {
     pub capture_ns: u64,
     /// The producer's own stamp, passed through.
     pub sensor_stamp_ns: u64,
+    /// When the producer sent the observation; 0 if it does not say.
+    pub written_ns: u64,
     /// When the daemon took the observation.
     pub received_ns: u64,
+    /// When the known voxels were projected; in a search, when every rotation's score was there.
+    pub projected_ns: u64,
     /// When the class posterior was ready.
     pub classified_ns: u64,
     /// When the pose hypotheses were ready.
@@ -205,14 +213,14 @@ pub struct Percept {
     /// Why the observation was refused, for people: UTF-8, padded with NUL.
     pub explanation: [u8; 128],
     /// 0.
-    pub reserved: [u8; 64],
+    pub reserved: [u8; 48],
 }
 layout!(Percept: 1136 {
     abi_version @ 0, status @ 4, daemon_id @ 8, model_id @ 16, producer_id @ 24, object_id @ 32, sequence @ 40, detail @ 48, capture_ns @ 56,
-    sensor_stamp_ns @ 64, received_ns @ 72, classified_ns @ 80, posed_ns @ 88, completed_ns @ 96, published_ns @ 104, position_m @ 112,
-    orientation @ 136, voxel_size_m @ 168, dims @ 172, frame_id @ 184, method @ 216, class_count @ 220, class_index @ 224,
-    hypothesis_count @ 228, rotation_spread_rad @ 232, tasks @ 236, posterior @ 240, log_evidence @ 496, hypotheses @ 752, explanation @ 944,
-    reserved @ 1072,
+    sensor_stamp_ns @ 64, written_ns @ 72, received_ns @ 80, projected_ns @ 88, classified_ns @ 96, posed_ns @ 104, completed_ns @ 112, published_ns @ 120, position_m @ 128,
+    orientation @ 152, voxel_size_m @ 184, dims @ 188, frame_id @ 200, method @ 232, class_count @ 236, class_index @ 240,
+    hypothesis_count @ 244, rotation_spread_rad @ 248, tasks @ 252, posterior @ 256, log_evidence @ 512, hypotheses @ 768, explanation @ 960,
+    reserved @ 1088,
 });
 
 impl Percept {
@@ -228,7 +236,9 @@ impl Percept {
         detail: 0,
         capture_ns: 0,
         sensor_stamp_ns: 0,
+        written_ns: 0,
         received_ns: 0,
+        projected_ns: 0,
         classified_ns: 0,
         posed_ns: 0,
         completed_ns: 0,
@@ -248,7 +258,7 @@ impl Percept {
         log_evidence: [0.0; MAX_CLASSES],
         hypotheses: [Hypothesis::ZERO; MAX_HYPOTHESES],
         explanation: [0; EXPLANATION_LEN],
-        reserved: [0; 64],
+        reserved: [0; 48],
     };
 
     /// A percept that repeats the identifiers, stamps and placement of the observation it answers; no class yet.
@@ -259,6 +269,7 @@ impl Percept {
             sequence: observation.sequence,
             capture_ns: observation.capture_ns,
             sensor_stamp_ns: observation.sensor_stamp_ns,
+            written_ns: observation.written_ns,
             position_m: observation.position_m,
             orientation: observation.orientation,
             voxel_size_m: observation.voxel_size_m,
@@ -451,7 +462,7 @@ mod tests {
         ];
         assert_eq!(
             hashes.map(|hash| format!("{hash:016x}")),
-            ["a28f817cd7bc9c7f", "fec395a92f4fab4f", "e44ae66af63a23df", "afcef3a2f37815de", "3d431661199e0a0b",]
+            ["ac18ffaea62b8ecf", "fec395a92f4fab4f", "99fb63f701a53a02", "afcef3a2f37815de", "3d431661199e0a0b",]
         );
     }
 

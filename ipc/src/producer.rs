@@ -167,7 +167,7 @@ impl Loan {
         self.sample.user_header()
     }
 
-    /// The header that travels with the voxels, to be changed; `sequence` is set by [`Loan::send`].
+    /// The header that travels with the voxels, to be changed; `sequence` and `written_ns` are set by [`Loan::send`].
     #[inline]
     pub fn header_mut(&mut self) -> &mut ObservationHeader {
         self.sample.user_header_mut()
@@ -181,7 +181,8 @@ impl Loan {
     #[inline]
     pub fn send(mut self) -> Result<Sent, SendError> {
         let sequence = self.outlet.sent.fetch_add(1, Ordering::Relaxed) + 1;
-        self.sample.user_header_mut().sequence = sequence;
+        let header = self.sample.user_header_mut();
+        (header.sequence, header.written_ns) = (sequence, monotonic_ns());
         let readers = self.sample.send().map_err(channel::send_error)?;
         channel::wake(&self.outlet.observed);
         Ok(Sent { sequence, readers })

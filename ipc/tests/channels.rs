@@ -104,12 +104,17 @@ fn send(producer: &Producer) -> u64 {
 
 fn check_percept(percept: &Percept) {
     let voxels: Vec<u8> = (0..27_000).map(|index| voxel(index, percept.sequence)).collect();
-    let header =
-        ObservationHeader { producer_id: percept.producer_id, sequence: percept.sequence, capture_ns: percept.capture_ns, ..template() };
+    let header = ObservationHeader {
+        producer_id: percept.producer_id,
+        sequence: percept.sequence,
+        capture_ns: percept.capture_ns,
+        written_ns: percept.written_ns,
+        ..template()
+    };
     let expected = Percept { daemon_id: percept.daemon_id, published_ns: percept.published_ns, ..answer(&header, &voxels) };
     assert_eq!(*percept, expected);
     assert!(percept.daemon_id != 0 && percept.producer_id != 0);
-    assert!(0 < percept.capture_ns && percept.capture_ns <= percept.published_ns);
+    assert!(0 < percept.capture_ns && percept.capture_ns <= percept.written_ns && percept.written_ns <= percept.published_ns);
 }
 
 fn check_completion(completion: &Completion) {

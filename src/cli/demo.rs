@@ -6,13 +6,13 @@ use crate::evaluation::protocol::draw_rotation;
 use crate::grid::{Dims, Turn};
 use crate::model::load;
 use crate::perception::PoseSearch;
+use crate::process::{Process, this_program};
 use crate::shapes::{furniture, write_binvox};
 use clap::Args;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
-use std::time::{Duration, Instant};
+use std::process::Stdio;
+use std::time::Duration;
 
 /// Start daemon, producer and watcher on made-up furniture, and show what is perceived
 #[derive(Args)]
@@ -31,17 +31,11 @@ pub struct Demo {
     seed: u64,
 }
 
-/// A process is given this long to end before it is killed.
+/// A process is given this long to end.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The process that must be there before the camera sends.
 const WATCHER: &str = "beo watch";
-
-/// A process of the demo, ended when dropped.
-struct Process {
-    child: Child,
-    name: &'static str,
-}
 
 impl Demo {
     /// Runs the command.
@@ -56,18 +50,18 @@ impl Demo {
         let count = files.len().to_string();
 
         say!("1. the daemon: beo serve --model {} --instance {instance}", self.model.display());
-        let mut daemon = Process::start("beo serve", &["serve", "--instance", &instance, "--model"], &[&self.model])?;
+        let mut daemon = start("beo serve", &["serve", "--instance", &instance, "--model"], &[&self.model])?;
         let mut ready = String::new();
         BufReader::new(daemon.output()?).read_line(&mut ready)?;
         if ready.is_empty() {
             return Err(Failure::Failed("the daemon did not start; its own message stands above".into()));
         }
         say!("2. a robot's process: beo watch --instance {instance} --json --png {}", self.png.display());
-        let mut watcher = Process::start(WATCHER, &["watch", "--instance", &instance, "--count", &count, "--json", "--png"], &[&self.png])?;
-        watcher.wait_until_watching()?;
+        let mut watcher = start(WATCHER, &["watch", "--instance", &instance, "--count", &count, "--json", "--png"], &[&self.png])?;
+        wait_until_watching(&mut watcher)?;
         say!("3. the camera: beo observe {} pieces of made-up furniture, seen from above\n", files.len());
         let arguments = ["observe", "--instance", &instance, "--rate", "10", "--pose", pose.name()];
-        let mut camera = Process::start("beo observe", &arguments, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+        let mut camera = start("beo observe", &arguments, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
 
         let mut right = 0;
         let mut seen = 0;
@@ -88,10 +82,10 @@ impl Demo {
                 line["latency_us"].as_f64().unwrap_or(0.0) / 1e3
             );
         }
-        camera.finish()?;
-        watcher.finish()?;
+        camera.finish(PATIENCE)?;
+        watcher.finish(PATIENCE)?;
         daemon.interrupt();
-        daemon.finish()?;
+        daemon.finish(PATIENCE)?;
         if seen < files.len() {
             return Err(Failure::Failed(format!("only {seen} of {} observations were answered", files.len())));
         }
@@ -119,73 +113,23 @@ fn make_furniture(folder: &Path, dims: Dims, seed: u64, pose: PoseSearch) -> Res
         .collect()
 }
 
-impl Process {
-    /// Starts this program once more; its messages go where ours go.
-    fn start(name: &'static str, arguments: &[&str], paths: &[&Path]) -> Result<Self, Failure> {
-        let child = Command::new(std::env::current_exe()?)
-            .args(arguments)
-            .args(paths)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(if name == WATCHER { Stdio::piped() } else { Stdio::inherit() })
-            .spawn()
-            .map_err(|error| Failure::Failed(format!("cannot start {name}: {error}")))?;
-        Ok(Self { child, name })
+/// Starts this program once more; the watcher's messages are listened to, those of others go where ours go.
+fn start(name: &'static str, arguments: &[&str], paths: &[&Path]) -> Result<Process, Failure> {
+    let mut command = this_program()?;
+    if name == WATCHER {
+        command.stderr(Stdio::piped());
     }
-
-    fn output(&mut self) -> Result<impl Read + use<>, Failure> {
-        self.child.stdout.take().ok_or_else(|| Failure::Failed(format!("{} has no output", self.name)))
-    }
-
-    /// Its output, line by line, from a thread: a process that hangs does not hang the demo.
-    fn lines(&mut self) -> Result<Receiver<String>, Failure> {
-        let output = BufReader::new(self.output()?);
-        let (sender, receiver) = channel();
-        std::thread::spawn(move || output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
-        Ok(receiver)
-    }
-
-    /// Waits until the watcher says that it has subscribed; what else it says goes where ours goes.
-    fn wait_until_watching(&mut self) -> Result<(), Failure> {
-        let Some(messages) = self.child.stderr.take() else { return Ok(()) };
-        let mut messages = BufReader::new(messages);
-        let mut line = String::new();
-        messages.read_line(&mut line)?;
-        if !line.starts_with("watching") {
-            return Err(Failure::Failed(format!("{} did not start: {}", self.name, line.trim())));
-        }
-        std::thread::spawn(move || messages.lines().map_while(Result::ok).for_each(|line| eprintln!("{line}")));
-        Ok(())
-    }
-
-    /// Asks it to end, as Ctrl-C would.
-    fn interrupt(&self) {
-        if let Some(pid) = rustix::process::Pid::from_raw(self.child.id() as i32) {
-            let _ = rustix::process::kill_process(pid, rustix::process::Signal::INT);
-        }
-    }
-
-    /// Waits for its end.
-    fn finish(&mut self) -> Result<(), Failure> {
-        let start = Instant::now();
-        while start.elapsed() < PATIENCE {
-            if let Some(status) = self.child.try_wait()? {
-                return match status.success() {
-                    true => Ok(()),
-                    false => Err(Failure::Failed(format!("{} ended with {status}; its own message stands above", self.name))),
-                };
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        Err(Failure::Failed(format!("{} did not end within {PATIENCE:?}", self.name)))
-    }
+    Ok(Process::start(name, command.args(arguments).args(paths))?)
 }
 
-impl Drop for Process {
-    fn drop(&mut self) {
-        if matches!(self.child.try_wait(), Ok(None)) {
-            let _ = self.child.kill();
-            let _ = self.child.wait();
-        }
+/// Waits until the watcher says that it has subscribed; what else it says goes where ours goes.
+fn wait_until_watching(watcher: &mut Process) -> Result<(), Failure> {
+    let mut messages = BufReader::new(watcher.messages()?);
+    let mut line = String::new();
+    messages.read_line(&mut line)?;
+    if !line.starts_with("watching") {
+        return Err(Failure::Failed(format!("{} did not start: {}", watcher.name(), line.trim())));
     }
+    std::thread::spawn(move || messages.lines().map_while(Result::ok).for_each(|line| eprintln!("{line}")));
+    Ok(())
 }

@@ -51,10 +51,10 @@ enum Command {
     Watch(watch::Watch),
     /// Start daemon, producer and watcher on made-up furniture, and show what is perceived
     Demo(demo::Demo),
-    /// Measure how fast this machine perceives and hands over grids
-    Bench(bench::Bench),
     /// Measure a model by the paper's protocol
     Eval(eval::Eval),
+    /// Measure how fast it is
+    Bench(bench::Bench),
 }
 
 /// Runs the program: exit code 0 done, 1 failed, 2 wrong usage.

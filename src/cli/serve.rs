@@ -33,6 +33,9 @@ pub struct Serve {
     /// Prior over the classes [default: uniform]
     #[arg(long, value_enum)]
     prior: Option<PriorArgument>,
+    /// Look for observations again and again instead of sleeping until one comes: some tens of microseconds faster, and a core busy
+    #[arg(long)]
+    poll: bool,
 }
 
 /// The configuration file.
@@ -82,7 +85,7 @@ impl Serve {
             ..Query::default()
         };
         let model_name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut daemon = Daemon::open(perceiver, &ServeOptions { instance: instance.clone(), query, model_name })?;
+        let mut daemon = Daemon::open(perceiver, &ServeOptions { instance: instance.clone(), query, model_name, poll: self.poll })?;
         // Scripts wait for this line.
         say!("serving `{instance}` with {}: {} classes, {}", path.display(), model.classes.len(), model.dims());
         tracing::info!(daemon = daemon.id(), model = model.id, "ready");

@@ -11,7 +11,8 @@ use crate::linear::LinearError;
 use crate::model::{
     Basis, Blend, Calibration, ClassInfo, ClassModel, CompletionCalibration, FORMAT_VERSION, HullDensity, Metadata, Model, Settings,
 };
-use crate::perception::completion::{Part, Scratch, for_each_unknown};
+use crate::perception::completion::{Block, ForEachBlock, Part, Unknown};
+use crate::perception::lanes::dispatch;
 use crate::perception::{ClassSubspace, ColumnSums, Conditional, Density, Known};
 use crate::shapes::library::Shapes;
 use faer::{Mat, MatRef};
@@ -397,14 +398,17 @@ impl HeldOut {
                 for (inflation, voxels) in INFLATIONS.iter().zip(&mut voxels) {
                     subspaces[s].solve(fit.noise * inflation, &mut conditionals[s])?;
                     subspaces[s].prepare(&mut conditionals[s]);
-                    let parts = [Part { weight: 1.0, class: &subspaces[s], conditional: &conditionals[s] }];
+                    let part = Part { weight: 1.0, class: &subspaces[s], posterior: &conditionals[s].posterior };
+                    let unknown = Unknown { height: data.dims.z(), runs: &known.unknown, parts: std::iter::once(part) };
                     let mut seen = 0;
-                    for_each_unknown(&parts, &known.unknown, &mut Scratch::default(), |voxel, features| {
-                        if seen % stride == 0 {
-                            voxels.push((features.regressors(), weight, truth.bits().contains(voxel)));
+                    dispatch(ForEachBlock(unknown, |block: &Block| {
+                        for lane in block.unknown() {
+                            if seen % stride == 0 {
+                                voxels.push((block.features(lane).regressors(), weight, truth.bits().contains(block.first + lane)));
+                            }
+                            seen += 1;
                         }
-                        seen += 1;
-                    });
+                    }));
                 }
             }
             Ok((evidence, distance, voxels))

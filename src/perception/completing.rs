@@ -1,17 +1,22 @@
 //! Completion of the observation that was last classified, by every method, in the frame that was asked for.
 
-use super::completion::{self, Part, for_each_unknown};
+use super::completion::{self, Complete, Part, Unknown};
 use super::density;
-use super::perceiver::{PerceiveError, Perceiver, SLAB, Workspace};
+use super::lanes::dispatch;
+use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
 use super::percept::Frame;
 use super::{Method, Percept, PoseSearch, Query};
 use crate::grid::Turn;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Classes below this posterior take no part in a completion …
-const LEAST_SHARE: f64 = 0.05;
+pub(crate) const LEAST_SHARE: f64 = 0.05;
 /// … and no more than this many do.
-const MOST_PARTS: usize = 3;
+pub(crate) const MOST_PARTS: usize = 3;
+
+/// Layers of constant x that one task completes.
+const SLAB: usize = 4;
 
 /// Least deviation of a voxel that was not observed: in turning, its value may come from an observed neighbour.
 const UNSEEN_DEVIATION: f32 = 0.01;
@@ -74,15 +79,17 @@ impl Perceiver {
     }
 
     fn complete_by_evidence(&self, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        let mut shares: Vec<(usize, f64)> = percept.posterior.iter().copied().enumerate().collect();
-        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let shares = &mut work.shares;
+        shares.clear();
+        shares.extend(percept.posterior.iter().copied().enumerate());
+        shares.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         if percept.informed {
             let likely = shares.iter().filter(|(_, p)| *p > LEAST_SHARE).count().clamp(1, MOST_PARTS);
             shares.truncate(likely);
         }
         let total: f64 = shares.iter().map(|(_, p)| p).sum();
         let scored = !work.scores.evidence.is_empty();
-        for &(s, _) in &shares {
+        for &(s, _) in shares.iter() {
             let (class, conditional) = (&self.subspaces[s], &mut work.conditionals[s]);
             if !scored || !work.wanted[s] {
                 class.condition(&work.known, self.noise, conditional)?;
@@ -90,23 +97,24 @@ impl Perceiver {
             }
             class.prepare(conditional);
         }
-        let parts: Vec<Part<'_>> = shares
-            .iter()
-            .map(|&(s, p)| Part { weight: (p / total) as f32, class: &self.subspaces[s], conditional: &work.conditionals[s] })
-            .collect();
         let weights = completion::weights(&self.model.metadata.calibration.completion);
         let dims = self.model.dims();
+        let (conditionals, runs) = (&work.conditionals, &work.known.unknown);
+        let part =
+            |&(s, p): &(usize, f64)| Part { weight: (p / total) as f32, class: &self.subspaces[s], posterior: &conditionals[s].posterior };
+        let complete = |voxels: Range<usize>, occupancy: &mut [f32], deviation: &mut [f32]| {
+            let within = runs.partition_point(|run| run.0 < voxels.start)..runs.partition_point(|run| run.0 < voxels.end);
+            let unknown = Unknown { height: dims.z(), runs: &runs[within], parts: shares.iter().map(part) };
+            dispatch(Complete { unknown, weights, first: voxels.start, occupancy, deviation });
+        };
+        if dims.voxels() <= ALONE {
+            complete(0..dims.voxels(), &mut percept.occupancy, &mut percept.deviation);
+            return Ok(());
+        }
         // One slab of columns per task: which thread takes it does not change the result.
         let slab = dims.y() * dims.z() * SLAB;
-        let runs = &work.known.unknown;
-        let slabs = percept.occupancy.par_chunks_mut(slab).zip(percept.deviation.par_chunks_mut(slab)).zip(&mut work.slabs);
-        slabs.enumerate().for_each(|(i, ((occupancy, deviation), scratch))| {
-            let first = runs.partition_point(|run| run.0 < i * slab);
-            let last = runs.partition_point(|run| run.0 < (i + 1) * slab);
-            for_each_unknown(&parts, &runs[first..last], scratch, |voxel, features| {
-                (occupancy[voxel - i * slab], deviation[voxel - i * slab]) = features.probability(&weights);
-            });
-        });
+        let slabs = percept.occupancy.par_chunks_mut(slab).zip(percept.deviation.par_chunks_mut(slab));
+        slabs.enumerate().for_each(|(i, (occupancy, deviation))| complete(i * slab..(i + 1) * slab, occupancy, deviation));
         Ok(())
     }
 }

@@ -1,25 +1,29 @@
 //! Completion: from the posteriors of the likely classes to one probability and one deviation per voxel (eq. 6 and the
 //! evidence's posterior mean).
 
-use super::subspace::{ClassSubspace, Conditional, Prediction};
+use super::lanes::{self, Kernel, LANES, Lanes};
+use super::prediction::Posterior;
+use super::subspace::ClassSubspace;
 use crate::model::CompletionCalibration;
 
 /// A class that takes part in a completion.
+#[derive(Clone, Copy)]
 pub struct Part<'a> {
     /// Its share; the shares sum to one.
     pub weight: f32,
     /// The class.
     pub class: &'a ClassSubspace,
-    /// Its posterior, prepared for prediction.
-    pub conditional: &'a Conditional,
+    /// Its posterior given the known voxels.
+    pub posterior: &'a Posterior,
 }
 
 /// Values outside are clipped before their logit is taken.
 const CLIP: f32 = 0.02;
 
+#[inline(always)]
 fn logit(value: f32) -> f32 {
     let value = value.clamp(CLIP, 1.0 - CLIP);
-    (value / (1.0 - value)).ln()
+    lanes::ln(value / (1.0 - value))
 }
 
 /// What the calibration reads of one voxel; also used to fit it.
@@ -32,60 +36,159 @@ pub struct VoxelFeatures {
     /// Weighted class mean.
     pub class_mean: f32,
     /// Unknown voxels from the known one above down to this one, at least one.
-    pub depth: usize,
+    pub depth: f32,
 }
 
 impl VoxelFeatures {
     /// The regressors of the calibration, in the order of [`weights`].
+    #[inline(always)]
     pub fn regressors(&self) -> [f32; 5] {
-        let depth = self.depth as f32;
-        [1.0, logit(self.mean), logit(self.class_mean), depth.ln(), if self.depth == 1 { 1.0 } else { 0.0 }]
+        let surface = if self.depth == 1.0 { 1.0 } else { 0.0 };
+        [1.0, logit(self.mean), logit(self.class_mean), lanes::ln(self.depth), surface]
     }
 
     /// Probability that the voxel is filled, and the deviation of that probability by the delta method, at most ½.
+    #[inline(always)]
     pub fn probability(&self, weights: &[f32; 5]) -> (f32, f32) {
-        let x: f32 = self.regressors().iter().zip(weights).map(|(x, w)| x * w).sum();
-        let p = 1.0 / (1.0 + (-x).exp());
+        let [one, mean, class_mean, depth, surface] = self.regressors();
+        let x = weights[0] * one + weights[1] * mean + weights[2] * class_mean + weights[3] * depth + weights[4] * surface;
+        let p = 1.0 / (1.0 + lanes::exp(-x));
         let m = self.mean.clamp(CLIP, 1.0 - CLIP);
         let slope = weights[1].abs() * p * (1.0 - p) / (m * (1.0 - m));
         (p, (slope * self.variance.max(0.0).sqrt()).min(0.5))
     }
 }
 
-/// Scratch memory for completing; one per task.
-#[derive(Default)]
-pub struct Scratch {
-    voxels: Vec<usize>,
-    depths: Vec<usize>,
-    predicted: Vec<(f32, f32)>,
-    features: Vec<VoxelFeatures>,
-    prediction: Prediction,
+/// Unknown voxels that were predicted together: some of a stretch of one column.
+#[derive(Clone, Copy, Debug)]
+pub struct Block {
+    /// Index of the voxel in the first lane.
+    pub first: usize,
+    mean: Lanes,
+    variance: Lanes,
+    class_mean: Lanes,
+    depth: Lanes,
 }
 
-/// Calls `voxel(index, features)` for every unknown voxel. The runs are vertical stretches of unknown voxels.
-pub fn for_each_unknown(parts: &[Part<'_>], runs: &[(usize, usize)], scratch: &mut Scratch, mut voxel: impl FnMut(usize, &VoxelFeatures)) {
-    let Scratch { voxels, depths, predicted, features, prediction } = scratch;
-    voxels.clear();
-    depths.clear();
-    for &(start, end) in runs {
-        voxels.extend(start..end);
-        depths.extend((start..end).map(|index| end - index));
+impl Block {
+    /// Features of the voxel in a lane.
+    #[inline(always)]
+    pub fn features(&self, lane: usize) -> VoxelFeatures {
+        VoxelFeatures { mean: self.mean[lane], variance: self.variance[lane], class_mean: self.class_mean[lane], depth: self.depth[lane] }
     }
-    features.clear();
-    features.extend(depths.iter().map(|depth| VoxelFeatures { mean: 0.0, variance: 0.0, class_mean: 0.0, depth: *depth }));
-    for part in parts {
-        part.class.predict(part.conditional, voxels, prediction, predicted);
-        for ((feature, (mean, variance)), index) in features.iter_mut().zip(predicted.iter()).zip(voxels.iter()) {
-            let mean = mean.clamp(0.0, 1.0);
-            feature.mean += part.weight * mean;
-            // Second moment for now: the spread between the classes is what remains of it.
-            feature.variance += part.weight * (variance + mean * mean);
-            feature.class_mean += part.weight * part.class.mean(*index);
+
+    /// Lanes of unknown voxels.
+    pub fn unknown(&self) -> impl Iterator<Item = usize> {
+        (0..LANES).filter(|lane| self.depth[*lane] > 0.0)
+    }
+}
+
+/// Unknown voxels of a grid, as vertical runs (start, end), ascending, which a mixture of classes predicts.
+pub struct Unknown<'a, P> {
+    /// Voxels of a column.
+    pub height: usize,
+    /// The runs.
+    pub runs: &'a [(usize, usize)],
+    /// The classes.
+    pub parts: P,
+}
+
+impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
+    /// Calls `each` for all blocks, ascending.
+    #[inline(always)]
+    fn for_each_block<const FUSED: bool>(&self, mut each: impl FnMut(&Block)) {
+        let mut runs = self.runs.iter().peekable();
+        while let Some(&&(start, _)) = runs.peek() {
+            // All runs that touch this block: the last of them may go on in the next.
+            let column = start / self.height;
+            let mut z = (start % self.height) / LANES * LANES;
+            while z < self.height {
+                let first = column * self.height + z;
+                let mut depth = [0.0; LANES];
+                let mut goes_on = false;
+                while let Some(&&(start, end)) = runs.peek().filter(|run| run.0 < (first + LANES).min((column + 1) * self.height)) {
+                    for voxel in start.max(first)..end.min(first + LANES) {
+                        depth[voxel - first] = (end - voxel) as f32;
+                    }
+                    goes_on = end > first + LANES;
+                    if goes_on {
+                        break;
+                    }
+                    runs.next();
+                }
+                each(&self.block::<FUSED>(column, z, depth));
+                if !goes_on {
+                    break;
+                }
+                z += LANES;
+            }
         }
     }
-    for (feature, index) in features.iter_mut().zip(voxels.iter()) {
-        feature.variance = (feature.variance - feature.mean * feature.mean).max(0.0);
-        voxel(*index, feature);
+
+    #[inline(always)]
+    fn block<const FUSED: bool>(&self, column: usize, z: usize, depth: Lanes) -> Block {
+        let zero = [0.0; LANES];
+        let mut block = Block { first: column * self.height + z, mean: zero, variance: zero, class_mean: zero, depth };
+        for part in self.parts.clone() {
+            let predicted = part.class.columns().predict::<FUSED>(part.posterior, column, z);
+            for l in 0..LANES {
+                let mean = predicted.mean[l].clamp(0.0, 1.0);
+                block.mean[l] += part.weight * mean;
+                // Second moment for now: the spread between the classes is what remains of it.
+                block.variance[l] += part.weight * (predicted.variance[l] + mean * mean);
+                block.class_mean[l] += part.weight * predicted.class_mean[l];
+            }
+        }
+        for l in 0..LANES {
+            block.variance[l] = (block.variance[l] - block.mean[l] * block.mean[l]).max(0.0);
+        }
+        block
+    }
+}
+
+/// Calls the function for every block of unknown voxels, ascending.
+pub struct ForEachBlock<'a, P, F>(pub Unknown<'a, P>, pub F);
+
+impl<'a, P: Iterator<Item = Part<'a>> + Clone, F: FnMut(&Block)> Kernel for ForEachBlock<'_, P, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.0.for_each_block::<FUSED>(self.1);
+    }
+}
+
+/// Writes probability and deviation of unknown voxels by a calibration with these weights.
+pub struct Complete<'a, P> {
+    /// The voxels.
+    pub unknown: Unknown<'a, P>,
+    /// See [`weights`].
+    pub weights: [f32; 5],
+    /// Index of the voxel that the first values of the outputs are of.
+    pub first: usize,
+    /// Probabilities.
+    pub occupancy: &'a mut [f32],
+    /// Deviations.
+    pub deviation: &'a mut [f32],
+}
+
+impl<'a, P: Iterator<Item = Part<'a>> + Clone> Kernel for Complete<'_, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { unknown, weights, first, occupancy, deviation } = self;
+        unknown.for_each_block::<FUSED>(|block| {
+            let (mut p, mut sd) = ([0.0; LANES], [0.0; LANES]);
+            for l in 0..LANES {
+                // Lanes of known voxels are computed too, and dropped.
+                let features = VoxelFeatures { depth: block.depth[l].max(1.0), ..block.features(l) };
+                (p[l], sd[l]) = features.probability(&weights);
+            }
+            for lane in block.unknown() {
+                (occupancy[block.first - first + lane], deviation[block.first - first + lane]) = (p[lane], sd[lane]);
+            }
+        });
     }
 }
 

@@ -1,44 +1,9 @@
 //! Multivariate densities in W', evaluated through the inverse Cholesky factor of their scale matrix, in log space.
 
-use crate::linear::{LinearError, cholesky, invert_lower, log_determinant};
+use super::whitening::Whitening;
+use crate::linear::{LinearError, log_determinant};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
-
-/// L⁻¹ of a symmetric positive definite matrix L Lᵀ.
-pub struct Whitening {
-    /// Its rows, lower triangular, packed: row i has i + 1 values.
-    rows: Vec<f32>,
-    rank: usize,
-}
-
-impl Whitening {
-    /// Of a matrix (a × a, lower half), which is replaced by L.
-    pub fn new(matrix: &mut Mat<f64>) -> Result<Self, LinearError> {
-        let a = matrix.nrows();
-        cholesky(matrix)?;
-        let inverse = invert_lower(matrix.as_ref());
-        let rows = (0..a).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| inverse[(i, j)] as f32).collect();
-        Ok(Self { rows, rank: a })
-    }
-
-    /// Calls `value` with the values of L⁻¹ z, in order.
-    pub fn apply(&self, z: &[f32], mut value: impl FnMut(f32)) {
-        // Compiled for the instruction sets of the CPU that it runs on.
-        pulp::Arch::new().dispatch(|| {
-            let mut rest = &self.rows[..];
-            for i in 0..self.rank {
-                let (row, tail) = rest.split_at(i + 1);
-                rest = tail;
-                value(dot(row, z));
-            }
-        });
-    }
-
-    /// The entry in row i and column j.
-    fn entry(&self, i: usize, j: usize) -> f32 {
-        if j <= i { self.rows[i * (i + 1) / 2 + j] } else { 0.0 }
-    }
-}
 
 /// A multivariate Student-t density, or its limit, the Gaussian (eq. 10), up to a constant that is common to all classes.
 pub struct Density {
@@ -57,14 +22,17 @@ impl Density {
         Ok(Self { mean: mean.to_vec(), whitening, log_volume: -0.5 * log_determinant(factor.as_ref()) })
     }
 
+    /// Bytes that scoring a vector of `rank` values reads.
+    pub fn bytes(rank: usize) -> usize {
+        rank * size_of::<f32>() + Whitening::bytes(rank)
+    }
+
     /// Squared Mahalanobis distance of `z` from the mean; `centred` is scratch of a values.
     pub fn distance2(&self, z: &[f32], centred: &mut [f32]) -> f64 {
         for ((out, z), mean) in centred.iter_mut().zip(z).zip(&self.mean) {
             *out = z - mean;
         }
-        let mut sum = 0.0;
-        self.whitening.apply(centred, |value| sum += f64::from(value).powi(2));
-        sum
+        self.whitening.norm2(centred)
     }
 
     /// Squared Mahalanobis distances of many points, one per row of `points` (n × a), by one matrix product.

@@ -16,12 +16,14 @@
 //! | `posing` | class and pose jointly | |
 //! | `paper_pose` | pose by the paper's estimators | eqs. 11, 12, 19–21 |
 //! | `completing` | the completion, in the frame that was asked for | |
+//! | `timings` | when each stage of a query was done | |
 
 pub mod blend;
 mod completing;
 pub mod completion;
 mod density;
 mod known;
+pub(crate) mod lanes;
 mod method;
 mod paper;
 mod paper_pose;
@@ -29,11 +31,16 @@ mod perceiver;
 mod percept;
 pub mod pose;
 mod posing;
+mod prediction;
 mod projection;
+mod row_gram;
 mod scoring;
 mod subspace;
 mod tiles;
+mod timings;
+mod whitening;
 
+pub(crate) use completing::{LEAST_SHARE, MOST_PARTS};
 pub use density::Density;
 pub use known::Known;
 pub use method::Method;
@@ -44,3 +51,4 @@ pub use percept::{Frame, Percept, Query};
 pub use pose::{Hypothesis, PoseSearch, RotationPrior};
 pub use projection::ColumnSums;
 pub use subspace::{ClassSubspace, Conditional};
+pub use timings::Timings;

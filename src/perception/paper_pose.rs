@@ -90,6 +90,7 @@ impl Perceiver {
                 found
             }
         };
+        percept.timings.projected = work.stopwatch.elapsed();
         // By density, class and pose are marginalised over each other; the other estimators choose the pose first.
         let by_density = matches!(estimator, PaperPose::Density | PaperPose::Edt);
         let looked = if by_density { &looked[..] } else { std::slice::from_ref(&looked[best(&looked)]) };

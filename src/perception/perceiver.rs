@@ -1,13 +1,13 @@
 //! One query in, one percept out.
 
 use super::blend::{Scores, softmax};
-use super::completion;
 use super::known::Known;
 use super::pose::posterior::Sample;
 use super::pose::view_scores::ViewScores;
 use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
-use super::tiles::Tiling;
+use super::timings::{Stopwatch, Timings};
+use super::whitening::Whitening;
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
 use crate::grid::{Dims, Observation, Rotation};
 use crate::linear::LinearError;
@@ -15,8 +15,8 @@ use crate::model::Model;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// Layers of constant x that one task completes.
-pub(super) const SLAB: usize = 4;
+/// Voxels up to which a query in known pose stays on its thread: waking another costs as much as it would save.
+pub(super) const ALONE: usize = 40 * 40 * 40;
 
 /// A model prepared for queries. Shared between threads; each brings its own [`Workspace`].
 pub struct Perceiver {
@@ -66,9 +66,12 @@ pub struct Workspace {
     /// Classes whose evidence is computed.
     pub(super) wanted: Vec<bool>,
     pub(super) conditionals: Vec<Conditional>,
-    pub(super) slabs: Vec<completion::Scratch>,
+    /// Classes that take part in the completion, and their shares.
+    pub(super) shares: Vec<(usize, f64)>,
     pub(super) columns: HullColumns,
     pub(super) samples: Vec<Sample>,
+    /// Runs since the query began.
+    pub(super) stopwatch: Stopwatch,
 }
 
 impl Perceiver {
@@ -98,10 +101,8 @@ impl Perceiver {
     /// of the hull densities.
     pub fn derived_bytes(model: &Model) -> usize {
         let (d, a) = (model.dims().voxels(), model.rank());
-        let cells = Tiling::new(model.dims()).cells();
-        let widths = model.classes.iter().map(|c| c.variances.len() + 2);
-        let classes: usize = widths.map(|width| d * width + cells * width * (width + 1) / 2).sum();
-        4 * (d * a + classes + model.views().len() * (model.classes.len() + 1) * a * (a + 1) / 2)
+        let classes: usize = model.classes.iter().map(|c| ClassSubspace::values(model.dims(), c.variances.len())).sum();
+        4 * classes + 2 * (d * a + model.views().len() * (model.classes.len() + 1) * Whitening::values(a))
     }
 
     /// The model.
@@ -125,9 +126,10 @@ impl Perceiver {
             scores: Scores::default(),
             wanted: vec![false; m],
             conditionals: self.subspaces.iter().map(|s| Conditional::new(s.size())).collect(),
-            slabs: (0..dims.x().div_ceil(SLAB)).map(|_| completion::Scratch::default()).collect(),
+            shares: Vec::with_capacity(m),
             columns: HullColumns::default(),
             samples: Vec::new(),
+            stopwatch: Stopwatch::start(),
         }
     }
 
@@ -142,6 +144,8 @@ impl Perceiver {
         work: &mut Workspace,
         percept: &mut Percept,
     ) -> Result<(), PerceiveError> {
+        work.stopwatch = Stopwatch::start();
+        percept.timings = Timings::default();
         let dims = self.model.dims();
         if observation.dims() != dims {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
@@ -159,6 +163,11 @@ impl Perceiver {
             softmax(&mut percept.posterior);
         } else if query.pose == PoseSearch::Known {
             self.classify_here(query, work, percept)?;
+            percept.timings.classified = work.stopwatch.elapsed();
+        }
+        if !percept.informed {
+            let elapsed = work.stopwatch.elapsed();
+            (percept.timings.projected, percept.timings.classified) = (elapsed, elapsed);
         }
         match query.pose {
             PoseSearch::Known => {
@@ -168,6 +177,7 @@ impl Perceiver {
                 let probability = percept.posterior[percept.class];
                 percept.hypotheses.clear();
                 percept.hypotheses.push(super::Hypothesis { rotation: percept.rotation, class: percept.class, probability });
+                percept.timings.posed = work.stopwatch.elapsed();
                 Ok(())
             }
             _ => self.find_pose(query, work, percept),

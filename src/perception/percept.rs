@@ -1,6 +1,6 @@
 //! What is asked, and what is answered.
 
-use super::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior};
+use super::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
 use crate::grid::{Outside, Rotation, View};
 
 /// In which frame a completion is wanted.
@@ -69,4 +69,6 @@ pub struct Percept {
     pub deviation: Vec<f32>,
     /// Whether the observation said something: with no filled voxel the answer is the prior.
     pub informed: bool,
+    /// When each stage was done.
+    pub timings: Timings,
 }

@@ -23,11 +23,15 @@ impl Perceiver {
             PoseSearch::Yaw { span } => self.find_yaw(span, query, work, percept)?,
             PoseSearch::Full => self.find_full(query, work, percept)?,
         }
+        if percept.informed {
+            percept.timings.classified = work.stopwatch.elapsed();
+        }
         // A class that was left out has no score: zero, not minus infinity.
         percept.scores.iter_mut().filter(|score| !score.is_finite()).for_each(|score| *score = 0.0);
         percept.class = most_probable(&percept.posterior);
         let averaged = matches!(query.pose, PoseSearch::Yaw { .. });
         percept.spread = hypotheses(&work.samples, &percept.posterior, MODE_RADIUS, averaged, &mut percept.hypotheses);
+        percept.timings.posed = work.stopwatch.elapsed();
         let of_class = percept.hypotheses.iter().find(|h| h.class == percept.class);
         percept.rotation = of_class.map_or(Rotation::identity(), |h| h.rotation);
         let turned = self.turned_back(&work.seen, &percept.rotation, query);
@@ -64,6 +68,7 @@ impl Perceiver {
             (Method::Auto, Some(view)) | (Method::Hull, Some(view)) => {
                 let circle = circle(1.0 / calibration.hull.hull.max(1e-9));
                 let angles = self.search_hull(view, &circle, &wanted, work)?;
+                percept.timings.projected = work.stopwatch.elapsed();
                 circle.samples(&angles, &mut work.samples);
                 self.classify_angles(view, &circle, &angles, query, work, percept);
             }
@@ -79,6 +84,7 @@ impl Perceiver {
                     let (evidence, distance) = self.score_turned(&self.turned_back(seen, &yaw(angle), query), &wanted)?;
                     Ok::<_, LinearError>(if by_distance { distance } else { evidence })
                 })?;
+                percept.timings.projected = work.stopwatch.elapsed();
                 circle.samples(&angles, &mut work.samples);
                 let scores = (0..m).map(|s| circle.best(&angles, s).map_or(f64::NEG_INFINITY, |a| a.scores[s]));
                 percept.scores.extend(scores);

@@ -2,8 +2,8 @@
 
 use super::blend::{Scores, softmax};
 use super::known::Known;
-use super::perceiver::{PerceiveError, Perceiver, Workspace};
-use super::{Density, Method, Percept, Query, paper};
+use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
+use super::{ClassSubspace, Conditional, Density, Method, Percept, Query, paper};
 use crate::linear::LinearError;
 use crate::model::Blend;
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ impl Perceiver {
         let view = self.view_of(query, work);
         let (blend, raw): (&Blend, fn(&Scores) -> &Vec<f64>) = match (query.method, view) {
             (Method::Auto, Some(v)) => {
-                self.score_hull(v, work);
+                self.score_hull(v, work, percept);
                 if calibration.auto.evidence != 0.0 {
                     calibration.hull.posterior(&work.scores, prior, &mut percept.posterior);
                     let least = percept.posterior.iter().copied().fold(0.0, f64::max) * HOPELESS;
@@ -30,7 +30,7 @@ impl Perceiver {
                 (&calibration.auto, |s| &s.hull)
             }
             (Method::Hull, v) => {
-                self.score_hull(v.unwrap_or(0), work);
+                self.score_hull(v.unwrap_or(0), work, percept);
                 (&calibration.hull, |s| &s.hull)
             }
             // Hull densities belong to a view; where none fits, the evidence does not depend on it.
@@ -57,8 +57,9 @@ impl Perceiver {
         view.and_then(|view| self.model.views().iter().position(|v| *v == view))
     }
 
-    fn score_hull(&self, view: usize, work: &mut Workspace) {
+    fn score_hull(&self, view: usize, work: &mut Workspace, percept: &mut Percept) {
         self.sums.project(&work.known.hull, &mut work.projected);
+        percept.timings.projected = work.stopwatch.elapsed();
         let dof = self.model.metadata.calibration.degrees_of_freedom;
         let scores = self.hulls[view].iter().map(|d| d.log_student(&work.projected, dof, &mut work.centred));
         work.scores.hull.clear();
@@ -67,12 +68,19 @@ impl Perceiver {
 
     /// Evidence of the classes that are `wanted`. The others get that of the best of these: it then says nothing about them.
     fn score_evidence(&self, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
-        self.subspaces
-            .par_iter()
-            .zip(&mut work.conditionals)
-            .zip(&work.wanted)
-            .filter(|(_, wanted)| **wanted)
-            .try_for_each(|((class, conditional), _)| class.condition(&work.known, self.noise, conditional))?;
+        let condition = |((class, conditional), wanted): ((&ClassSubspace, &mut Conditional), &bool)| match wanted {
+            true => class.condition(&work.known, self.noise, conditional),
+            false => Ok(()),
+        };
+        if self.model.dims().voxels() <= ALONE {
+            self.subspaces.iter().zip(&mut work.conditionals).zip(&work.wanted).try_for_each(condition)?;
+        } else {
+            self.subspaces.par_iter().zip(&mut work.conditionals).zip(&work.wanted).try_for_each(condition)?;
+        }
+        // Without a hull this is the projection: each class conditioned on the known voxels.
+        if percept.timings.projected.is_zero() {
+            percept.timings.projected = work.stopwatch.elapsed();
+        }
         let scores = &mut work.scores;
         let computed = || work.conditionals.iter().zip(&work.wanted).filter(|(_, wanted)| **wanted).map(|(c, _)| c);
         let best = computed().map(|c| c.log_evidence).fold(f64::NEG_INFINITY, f64::max);
@@ -87,6 +95,7 @@ impl Perceiver {
 
     fn classify_as_the_paper(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
         self.project_as_the_paper(query, work)?;
+        percept.timings.projected = work.stopwatch.elapsed();
         let densities = self.complete_densities()?;
         percept.scores.extend(densities.iter().map(|d| d.log_gaussian(&work.projected, &mut work.centred)));
         percept.posterior.clear();

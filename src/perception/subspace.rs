@@ -5,14 +5,17 @@
 //! cheaper than the same in the shared basis. Of the voxels it needs the Gram matrix of [W_s, μ_s, 1] over the unknown ones
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
+use super::density::dot;
 use super::known::Known;
+use super::lanes::{Kernel, LANES, dispatch};
+use super::prediction::{Columns, Posterior};
+use super::row_gram::{AddGram, packed, packed_len};
 use super::tiles::{TileGrams, Tiling};
 use crate::grid::Dims;
-use crate::linear::{LinearError, cholesky};
+use crate::linear::{LinearError, cholesky_rows, dot64};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
 use faer::linalg::matmul::matmul;
-use faer::reborrow::ReborrowMut;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
 
 /// Voxels whose products are formed at once.
@@ -22,12 +25,16 @@ const BLOCK: usize = 1024;
 pub struct ClassSubspace {
     /// k, the number of directions.
     size: usize,
-    /// d rows of [W_s, μ_s, 1], k + 2 values each.
+    /// Values from row to row: k + 2, padded to whole blocks of lanes.
+    stride: usize,
+    /// d rows of [W_s, μ_s, 1].
     rows: Vec<f32>,
+    /// The same without the ones, column by column.
+    columns: Columns,
     /// Square roots of the prior variances.
     scales: Vec<f64>,
-    /// Gram matrix of the rows over all voxels, (k + 2)², lower half.
-    gram: Mat<f64>,
+    /// Gram matrix of the rows over all voxels, packed lower triangle.
+    gram: Vec<f64>,
     /// The same over stacks of voxels.
     tiles: TileGrams,
 }
@@ -38,71 +45,96 @@ pub struct Conditional {
     pub log_evidence: f64,
     /// Squared distance of the class mean to the known voxels, ‖w − V μ_s‖².
     pub distance2: f64,
-    /// Posterior mean of the coefficients.
-    coefficients: Vec<f32>,
-    /// L⁻¹ Λ^½, k × k row-major, lower triangular: a voxel with row b has variance ‖L⁻¹ Λ^½ b‖².
-    spread: Vec<f32>,
+    /// Posterior of the coefficients; its spread after [`ClassSubspace::prepare`].
+    pub posterior: Posterior,
     gathered: Vec<f32>,
-    product: Mat<f32>,
-    unknown: Mat<f64>,
-    /// Lower triangle of the sum over whole levels of tiles.
-    packed: Vec<f64>,
+    /// Gram matrix over the unknown voxels, packed lower triangle.
+    unknown: Vec<f64>,
     /// Sum of the rows of filled voxels.
     filled: Vec<f64>,
-    factor: Mat<f64>,
+    /// L, k × k row-major, lower triangle.
+    factor: Vec<f64>,
 }
 
 impl Conditional {
     /// Room for a class with `size` directions.
     pub fn new(size: usize) -> Self {
+        let stride = stride(size);
         Self {
             log_evidence: 0.0,
             distance2: 0.0,
-            coefficients: vec![0.0; size],
-            spread: vec![0.0; size * size],
-            gathered: Vec::with_capacity(BLOCK * (size + 2)),
-            product: Mat::zeros(size + 2, size + 2),
-            unknown: Mat::zeros(size + 2, size + 2),
-            packed: vec![0.0; (size + 2) * (size + 3) / 2],
-            filled: vec![0.0; size + 2],
-            factor: Mat::zeros(size, size),
+            posterior: Posterior::new(size),
+            gathered: Vec::with_capacity(BLOCK * stride),
+            unknown: vec![0.0; packed_len(size + 2)],
+            filled: vec![0.0; stride],
+            factor: vec![0.0; size * size],
         }
     }
+}
+
+/// Values from row to row of a class with `size` directions.
+fn stride(size: usize) -> usize {
+    (size + 2).next_multiple_of(LANES)
 }
 
 impl ClassSubspace {
     /// Derives the class's voxel-space basis and mean from the shared basis.
     pub fn new(dims: Dims, basis: &Basis, class: &ClassModel) -> Self {
         let (a, k) = (basis.rank(), class.variances.len());
-        let width = k + 2;
+        let (width, stride) = (k + 2, stride(k));
         let transform = Mat::from_fn(a, k + 1, |i, h| if h < k { class.directions[h * a + i] } else { class.mean[i] });
-        let mut rows = vec![1.0_f32; dims.voxels() * width];
-        let grams: Vec<Mat<f32>> = rows
-            .par_chunks_mut(BLOCK * width)
+        let mut rows = vec![0.0_f32; dims.voxels() * stride];
+        let grams: Vec<Vec<f64>> = rows
+            .par_chunks_mut(BLOCK * stride)
             .enumerate()
             .map(|(block, rows)| {
-                let count = rows.len() / width;
+                let count = rows.len() / stride;
                 let mut wide = vec![0.0_f32; count * a];
                 basis.widen(block * BLOCK..block * BLOCK + count, &mut wide);
                 let wide = MatRef::from_column_major_slice(&wide, a, count);
                 let mut product = Mat::<f32>::zeros(k + 1, count);
                 matmul(product.as_mut(), Accum::Replace, transform.transpose(), wide, 1.0, Par::Seq);
-                for (v, row) in rows.chunks_exact_mut(width).enumerate() {
+                for (v, row) in rows.chunks_exact_mut(stride).enumerate() {
                     row[..=k].copy_from_slice(product.col_as_slice(v));
+                    row[k + 1] = 1.0;
                 }
-                let mut gram = Mat::zeros(width, width);
-                add_gram(&mut gram, rows, width, Accum::Replace);
+                let mut gram = vec![0.0; packed_len(width)];
+                dispatch(AddGram { rows, stride, width, out: &mut gram });
                 gram
             })
             .collect();
-        let mut gram = Mat::<f64>::zeros(width, width);
+        let mut gram = vec![0.0; packed_len(width)];
         for part in &grams {
-            for j in 0..width {
-                (j..width).for_each(|i| gram[(i, j)] += f64::from(part[(i, j)]));
-            }
+            gram.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
         }
-        let tiles = TileGrams::new(Tiling::new(dims), &rows, width);
-        Self { size: k, rows, scales: class.variances.iter().map(|v| v.sqrt()).collect(), gram, tiles }
+        let tiles = TileGrams::new(Tiling::new(dims), &rows, stride, width);
+        let columns = Columns::new(dims, k, &rows, stride);
+        Self { size: k, stride, rows, columns, scales: class.variances.iter().map(|v| v.sqrt()).collect(), gram, tiles }
+    }
+
+    /// Numbers that [`Self::new`] keeps for a class with `size` directions.
+    pub fn values(dims: Dims, size: usize) -> usize {
+        dims.voxels() * stride(size) + Columns::values(dims, size) + Tiling::new(dims).cells() * packed_len(size + 2)
+    }
+
+    /// Bytes that conditioning a class with `size` directions reads: sums of whole levels, rows of the other unknown voxels and of the
+    /// filled ones, the Gram matrix over all voxels.
+    pub fn bytes_to_condition(size: usize, known: &Known) -> usize {
+        let rest: usize = known.division.rest.iter().map(|(start, end)| end - start).sum();
+        let rows = (rest + known.filled.len()) * stride(size);
+        packed_len(size + 2) * (known.division.levels.len() * size_of::<f32>() + size_of::<f64>()) + rows * size_of::<f32>()
+    }
+
+    /// Blocks of voxels that completing with a class computes, and the bytes that it reads of one with `size` directions.
+    pub fn read_to_complete(dims: Dims, size: usize, known: &Known) -> (usize, usize) {
+        let block = |voxel: usize| voxel / dims.z() * dims.z().div_ceil(LANES) + voxel % dims.z() / LANES;
+        let (mut blocks, mut next) = (0, 0);
+        for &(start, end) in &known.unknown {
+            let (first, last) = (block(start).max(next), block(end - 1) + 1);
+            blocks += last.saturating_sub(first);
+            next = next.max(last);
+        }
+        (blocks, blocks * (size + 1) * LANES * size_of::<f32>())
     }
 
     /// Number of directions, k.
@@ -115,8 +147,14 @@ impl ClassSubspace {
         self.row(voxel)[self.size]
     }
 
+    /// Basis and mean as prediction reads them.
+    #[inline(always)]
+    pub(super) fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
     fn row(&self, voxel: usize) -> &[f32] {
-        &self.rows[voxel * (self.size + 2)..(voxel + 1) * (self.size + 2)]
+        &self.rows[voxel * self.stride..(voxel + 1) * self.stride]
     }
 
     /// Conditions the class on the known voxels, with noise variance `noise`.
@@ -129,15 +167,13 @@ impl ClassSubspace {
     pub fn gather(&self, known: &Known, out: &mut Conditional) {
         self.unknown_gram(known, out);
         out.filled.fill(0.0);
-        for &voxel in &known.filled {
-            out.filled.iter_mut().zip(self.row(voxel)).for_each(|(sum, v)| *sum += f64::from(*v));
-        }
+        dispatch(AddRows { class: self, voxels: &known.filled, out: &mut out.filled });
     }
 
     /// Conditions the class on what [`Self::gather`] has read, with noise variance `noise`.
     pub fn solve(&self, noise: f64, out: &mut Conditional) -> Result<(), LinearError> {
         let k = self.size;
-        let gram = |i: usize, j: usize| self.gram[(i.max(j), i.min(j))] - out.unknown[(i.max(j), i.min(j))];
+        let gram = |i: usize, j: usize| self.gram[packed(i, j)] - out.unknown[packed(i, j)];
         let voxels = gram(k + 1, k + 1);
 
         let filled = &out.filled;
@@ -146,144 +182,138 @@ impl ClassSubspace {
         out.distance2 = residual;
 
         // M = I + Λ^½ A Λ^½ / σ² = L Lᵀ
-        for j in 0..k {
-            for i in j..k {
+        for (i, row) in out.factor.chunks_exact_mut(k.max(1)).enumerate() {
+            for (j, entry) in row[..=i].iter_mut().enumerate() {
                 let identity = if i == j { 1.0 } else { 0.0 };
-                out.factor[(i, j)] = identity + self.scales[i] * gram(i, j) * self.scales[j] / noise;
+                *entry = identity + self.scales[i] * gram(i, j) * self.scales[j] / noise;
             }
         }
-        let mut half = [0.0_f64; MAX_WIDTH];
+        let mut half = [0.0_f64; MOST_COMPONENTS];
         for i in 0..k {
-            half[i] = self.scales[i] * (filled[i] - gram(i, k)) / noise;
+            half[i] = self.scales[i] * (filled[i] - gram(k, i)) / noise;
         }
-        cholesky(&mut out.factor)?;
+        cholesky_rows(&mut out.factor, k)?;
         let l = &out.factor;
         let mut log_det = 0.0;
         for i in 0..k {
-            let sum: f64 = (0..i).map(|j| l[(i, j)] * half[j]).sum();
-            half[i] = (half[i] - sum) / l[(i, i)];
-            log_det += 2.0 * l[(i, i)].ln();
+            half[i] = (half[i] - dot64(&l[i * k..i * k + i], &half[..i])) / l[i * k + i];
+            log_det += 2.0 * l[i * k + i].ln();
         }
         let quadratic: f64 = half[..k].iter().map(|v| v * v).sum();
         out.log_evidence = -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + log_det + residual / noise - quadratic);
 
         for i in (0..k).rev() {
-            let sum: f64 = (i + 1..k).map(|j| l[(j, i)] * half[j]).sum();
-            half[i] = (half[i] - sum) / l[(i, i)];
-            out.coefficients[i] = (self.scales[i] * half[i]) as f32;
+            half[i] /= l[i * k + i];
+            let value = half[i];
+            half[..i].iter_mut().zip(&l[i * k..]).for_each(|(half, l)| *half -= l * value);
+            out.posterior.coefficients[i] = (self.scales[i] * value) as f32;
         }
         Ok(())
     }
 
     /// The Gram matrix of the rows over the unknown voxels, into `out.unknown`.
     fn unknown_gram(&self, known: &Known, out: &mut Conditional) {
-        let width = self.size + 2;
-        out.packed.fill(0.0);
-        self.tiles.add(&known.division.levels, &mut out.packed);
-        let mut packed = &out.packed[..];
-        for j in 0..width {
-            let (column, tail) = packed.split_at(width - j);
-            packed = tail;
-            out.unknown.col_as_slice_mut(j)[j..].copy_from_slice(column);
-        }
+        let (stride, width) = (self.stride, self.size + 2);
+        out.unknown.fill(0.0);
+        dispatch(self.tiles.add(&known.division.levels, &mut out.unknown));
         out.gathered.clear();
-        let flush = |gathered: &mut Vec<f32>, product: &mut Mat<f32>, sum: &mut Mat<f64>| {
-            add_gram(product, gathered, width, Accum::Replace);
-            for j in 0..width {
-                for i in j..width {
-                    sum[(i, j)] += f64::from(product[(i, j)]);
-                }
-            }
-            gathered.clear();
-        };
         for &(start, end) in &known.division.rest {
-            out.gathered.extend_from_slice(&self.rows[start * width..end * width]);
-            if out.gathered.len() >= (BLOCK - 256) * width {
-                flush(&mut out.gathered, &mut out.product, &mut out.unknown);
+            out.gathered.extend_from_slice(&self.rows[start * stride..end * stride]);
+            // A run more, of at most 256 voxels, still fits into what is reserved.
+            if out.gathered.len() >= (BLOCK - 256) * stride {
+                dispatch(AddGram { rows: &out.gathered, stride, width, out: &mut out.unknown });
+                out.gathered.clear();
             }
         }
-        if !out.gathered.is_empty() {
-            flush(&mut out.gathered, &mut out.product, &mut out.unknown);
-        }
+        dispatch(AddGram { rows: &out.gathered, stride, width, out: &mut out.unknown });
     }
 
     /// Posterior mean of the latent occupancy of every voxel, in their order, not clamped; `conditional` was conditioned before.
-    pub fn reconstruct(&self, conditional: &Conditional, mut each: impl FnMut(f32)) {
-        let k = self.size;
-        pulp::Arch::new().dispatch(|| {
-            for row in self.rows.chunks_exact(k + 2) {
-                each(row[k] + super::density::dot(&row[..k], &conditional.coefficients));
-            }
-        });
+    pub fn reconstruct(&self, conditional: &Conditional, each: impl FnMut(f32)) {
+        dispatch(Reconstruct { class: self, coefficients: &conditional.posterior.coefficients, each });
     }
 
-    /// Prepares `conditional` for [`Self::predict`]: the inverse factor that gives variances.
+    /// Prepares `conditional` for prediction: S = L⁻¹ Λ^½, which gives variances.
     pub fn prepare(&self, conditional: &mut Conditional) {
         let k = self.size;
-        // Row i of L⁻¹ by forward substitution, then columns scaled by Λ^½.
-        let l = &conditional.factor;
+        let l = &mut conditional.factor;
+        // L⁻¹ in the unused upper half, transposed; its diagonal is that of L, inverted. Column j by forward substitution.
         for j in 0..k {
-            let mut column = [0.0_f64; MAX_WIDTH];
-            for i in j..k {
-                let unit = if i == j { 1.0 } else { 0.0 };
-                let sum: f64 = (j..i).map(|h| l[(i, h)] * column[h]).sum();
-                column[i] = (unit - sum) / l[(i, i)];
-                conditional.spread[i * k + j] = (column[i] * self.scales[j]) as f32;
+            let mut column = [0.0_f64; MOST_COMPONENTS];
+            column[j] = 1.0 / l[j * k + j];
+            for i in j + 1..k {
+                column[i] = -dot64(&l[i * k + j..i * k + i], &column[j..i]) / l[i * k + i];
+                l[j * k + i] = column[i];
             }
         }
+        let entry = |i: usize, j: usize| if i == j { 1.0 / l[i * k + i] } else { l[j * k + i] };
+        conditional.posterior.set_spread(|i, j| (entry(i, j) * self.scales[j]) as f32);
     }
+}
 
-    /// Posterior mean and variance of the latent occupancy of `voxels`, after [`Self::prepare`]; the noise is not included.
-    ///
-    /// `out` receives one (mean, variance) per voxel.
-    pub fn predict(&self, conditional: &Conditional, voxels: &[usize], scratch: &mut Prediction, out: &mut Vec<(f32, f32)>) {
-        let k = self.size;
-        out.clear();
-        for block in voxels.chunks(PREDICTED) {
-            scratch.rows.clear();
-            block.iter().for_each(|voxel| scratch.rows.extend_from_slice(&self.row(*voxel)[..k]));
-            scratch.product.resize(block.len() * k, 0.0);
-            let rows = MatRef::from_column_major_slice(&scratch.rows, k, block.len());
-            let spread = MatRef::from_row_major_slice(&conditional.spread, k, k);
-            let mut product = MatMut::from_column_major_slice_mut(&mut scratch.product, k, block.len());
-            matmul(product.rb_mut(), Accum::Replace, spread, rows, 1.0, Par::Seq);
-            pulp::Arch::new().dispatch(|| {
-                let products = scratch.product.chunks_exact(k.max(1));
-                for ((voxel, row), product) in block.iter().zip(scratch.rows.chunks_exact(k.max(1))).zip(products) {
-                    let mean = self.mean(*voxel) + super::density::dot(row, &conditional.coefficients);
-                    out.push((mean, super::density::dot(product, product)));
-                }
-            });
-            if k == 0 {
-                out.extend(block.iter().map(|voxel| (self.mean(*voxel), 0.0)));
-            }
+/// Calls `each` with the mean of every voxel, given the coefficients.
+struct Reconstruct<'a, F> {
+    class: &'a ClassSubspace,
+    coefficients: &'a [f32],
+    each: F,
+}
+
+impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(mut self) {
+        let ClassSubspace { rows, stride, size, .. } = self.class;
+        for row in rows.chunks_exact(*stride) {
+            (self.each)(row[*size] + dot(&row[..*size], self.coefficients));
         }
     }
 }
 
-/// Voxels predicted at once.
-const PREDICTED: usize = 512;
-
-/// Scratch memory of [`ClassSubspace::predict`].
-#[derive(Default)]
-pub struct Prediction {
-    rows: Vec<f32>,
-    product: Vec<f32>,
+/// Adds the rows of some voxels to `out`.
+struct AddRows<'a> {
+    class: &'a ClassSubspace,
+    voxels: &'a [usize],
+    out: &'a mut [f64],
 }
 
-/// Most values in a row: the largest class basis and two more.
-const MAX_WIDTH: usize = MOST_COMPONENTS + 2;
+impl Kernel for AddRows<'_> {
+    type Output = ();
 
-/// Rowsᵀ rows. The full product, though half would do: at these widths it is faster than a triangular one.
-fn add_gram(product: &mut Mat<f32>, rows: &[f32], width: usize, accumulate: Accum) {
-    let rows = MatRef::from_column_major_slice(rows, width, rows.len() / width);
-    matmul(product.as_mut(), accumulate, rows, rows.transpose(), 1.0, Par::Seq);
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        for &voxel in self.voxels {
+            for (sum, v) in self.out.iter_mut().zip(self.class.row(voxel)) {
+                *sum += f64::from(*v);
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::Observation;
     use half::f16;
+
+    #[test]
+    fn what_is_read_is_counted() {
+        let dims = Dims::new(8, 8, 20).unwrap();
+        let mut codes = vec![0; dims.voxels()];
+        // All of the first tile's column (tiles are one column wide, levels two voxels high); two runs within one block of the second
+        // column; one across both blocks of the third; two filled voxels.
+        codes[..20].fill(255);
+        [22, 25, 26].into_iter().for_each(|voxel| codes[voxel] = 255);
+        codes[54..58].fill(255);
+        [90, 99].into_iter().for_each(|voxel| codes[voxel] = 1);
+        let mut known = Known::new(dims);
+        known.read(&Observation::from_bytes(dims, &codes).unwrap());
+        assert_eq!((known.division.levels.len(), known.division.rest.len()), (1, 3));
+        let (blocks, bytes) = ClassSubspace::read_to_complete(dims, 3, &known);
+        assert_eq!((blocks, bytes), (2 + 1 + 2, 5 * 4 * LANES * 4));
+        // Of 5 × 5 Gram matrices the lower half: a level in single, all voxels in double precision; rows of 7 unknown and 2 filled voxels.
+        assert_eq!(ClassSubspace::bytes_to_condition(3, &known), 15 * 4 + 15 * 8 + (7 + 2) * LANES * 4);
+    }
 
     /// Everything by the textbook: the joint Gaussian over voxels, its marginal and its conditional.
     #[test]
@@ -304,7 +334,7 @@ mod tests {
         let known: Vec<usize> = (0..20).map(|i| 3 + i * 11).collect();
         let filled: Vec<usize> = known.iter().copied().step_by(4).collect();
         let code = |v: usize| if filled.contains(&v) { 1 } else { u8::from(!known.contains(&v)) * 255 };
-        let observation = crate::grid::Observation::from_bytes(dims, &(0..d).map(code).collect::<Vec<_>>()).unwrap();
+        let observation = Observation::from_bytes(dims, &(0..d).map(code).collect::<Vec<_>>()).unwrap();
         let mut read = Known::new(dims);
         read.read(&observation);
         let mut conditional = Conditional::new(k);
@@ -317,7 +347,7 @@ mod tests {
         let covariance = |u: usize, v: usize| (0..k).map(|s| direction(u, s) * class.variances[s] * direction(v, s)).sum::<f64>();
         let n = known.len();
         let mut dense = Mat::from_fn(n, n, |i, j| covariance(known[i], known[j]) + if i == j { noise } else { 0.0 });
-        cholesky(&mut dense).unwrap();
+        crate::linear::cholesky(&mut dense).unwrap();
         let inverse_factor = crate::linear::invert_lower(dense.as_ref());
         let precision = inverse_factor.transpose() * &inverse_factor;
         let residual: Vec<f64> = known.iter().map(|v| f64::from(u8::from(filled.contains(v))) - voxel_mean(*v)).collect();
@@ -330,9 +360,8 @@ mod tests {
             let cross: Vec<f64> = known.iter().map(|v| covariance(voxel, *v)).collect();
             let mean = voxel_mean(voxel) + cross.iter().zip(&weighted).map(|(c, w)| c * w).sum::<f64>();
             let explained: f64 = (0..n).map(|i| (0..n).map(|j| cross[i] * precision[(i, j)] * cross[j]).sum::<f64>()).sum();
-            let mut predicted = Vec::new();
-            subspace.predict(&conditional, &[voxel], &mut Prediction::default(), &mut predicted);
-            let (m, v) = predicted[0];
+            let predicted = subspace.columns().predict::<false>(&conditional.posterior, voxel / 8, 0);
+            let (m, v) = (predicted.mean[voxel % 8], predicted.variance[voxel % 8]);
             assert!((f64::from(m) - mean).abs() < 1e-3, "{m} {mean}");
             assert!((f64::from(v) - (covariance(voxel, voxel) - explained)).abs() < 1e-3, "{v}");
         }

@@ -4,9 +4,10 @@
 //! rowᵀrow from the bottom up to every few levels is therefore kept; of a query only what sticks out above the common height of
 //! a tile's stacks, or lies apart, is left to be summed voxel by voxel.
 
+use super::lanes::Kernel;
+use super::row_gram::{add_outer, packed_len};
 use crate::grid::Dims;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Tiles along each axis, at most; it bounds the memory, whatever the resolution.
 const TILES: usize = 10;
@@ -90,16 +91,16 @@ pub struct Division {
 /// Σ rowᵀrow over the stacks of tiles, for rows of one width.
 pub struct TileGrams {
     tiling: Tiling,
-    /// Values of one packed lower triangle, column after column.
+    /// Values of one packed lower triangle.
     packed: usize,
     /// `[tile][level]`: the sum up to and including that level.
     sums: Vec<f32>,
 }
 
 impl TileGrams {
-    /// Sums over `rows`: `width` values per voxel.
-    pub fn new(tiling: Tiling, rows: &[f32], width: usize) -> Self {
-        let packed = width * (width + 1) / 2;
+    /// Sums over `rows`: `stride` values per voxel, of which the first `width` count.
+    pub fn new(tiling: Tiling, rows: &[f32], stride: usize, width: usize) -> Self {
+        let packed = packed_len(width);
         let levels = tiling.counts[2];
         let mut sums = vec![0.0_f32; tiling.tiles() * levels * packed];
         sums.par_chunks_mut((levels * packed).max(1)).enumerate().for_each(|(tile, sums)| {
@@ -107,7 +108,7 @@ impl TileGrams {
             for (level, out) in sums.chunks_exact_mut(packed.max(1)).enumerate() {
                 for column in tiling.columns(tile) {
                     let bottom = column * tiling.dims.z() + level * tiling.edge[2];
-                    add_outer(&mut sum, rows, width, bottom..bottom + tiling.edge[2]);
+                    add_outer(&mut sum, rows, stride, width, bottom..bottom + tiling.edge[2]);
                 }
                 out.iter_mut().zip(&sum).for_each(|(out, sum)| *out = *sum as f32);
             }
@@ -116,23 +117,29 @@ impl TileGrams {
     }
 
     /// Adds the sums over whole levels to `out`, a packed lower triangle.
-    pub fn add(&self, levels: &[(usize, usize)], out: &mut [f64]) {
-        for &(tile, count) in levels {
-            let at = (tile * self.tiling.counts[2] + count - 1) * self.packed;
-            out.iter_mut().zip(&self.sums[at..at + self.packed]).for_each(|(out, sum)| *out += f64::from(*sum));
-        }
+    pub fn add<'a>(&'a self, levels: &'a [(usize, usize)], out: &'a mut [f64]) -> AddLevels<'a> {
+        AddLevels { grams: self, levels, out }
     }
 }
 
-/// Adds rowᵀrow of some voxels, lower triangle packed column after column.
-fn add_outer(sum: &mut [f64], rows: &[f32], width: usize, voxels: Range<usize>) {
-    for row in rows[voxels.start * width..voxels.end * width].chunks_exact(width.max(1)) {
-        let mut rest = &mut sum[..];
-        for j in 0..width {
-            let (column, tail) = rest.split_at_mut(width - j);
-            rest = tail;
-            let factor = f64::from(row[j]);
-            column.iter_mut().zip(&row[j..]).for_each(|(sum, v)| *sum += factor * f64::from(*v));
+/// See [`TileGrams::add`].
+pub struct AddLevels<'a> {
+    grams: &'a TileGrams,
+    levels: &'a [(usize, usize)],
+    out: &'a mut [f64],
+}
+
+impl Kernel for AddLevels<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let TileGrams { tiling, packed, sums } = self.grams;
+        for &(tile, count) in self.levels {
+            let at = (tile * tiling.counts[2] + count - 1) * packed;
+            for (out, sum) in self.out.iter_mut().zip(&sums[at..at + packed]) {
+                *out += f64::from(*sum);
+            }
         }
     }
 }
@@ -142,6 +149,7 @@ mod tests {
     use super::*;
     use crate::grid::Observation;
     use crate::perception::Known;
+    use crate::perception::lanes::dispatch;
     use proptest::prelude::*;
 
     proptest! {
@@ -165,16 +173,16 @@ mod tests {
             known.read(&Observation::from_bytes(dims, &codes).unwrap());
             let width = 3;
             let rows: Vec<f32> = (0..dims.voxels() * width).map(|i| ((i * 37 % 101) as f32 - 50.0) / 64.0).collect();
-            let grams = TileGrams::new(Tiling::new(dims), &rows, width);
+            let grams = TileGrams::new(Tiling::new(dims), &rows, width, width);
             let mut parts = Division::default();
             Tiling::new(dims).divide(&known.unknown, &mut parts);
             let mut found = vec![0.0; 6];
-            grams.add(&parts.levels, &mut found);
+            dispatch(grams.add(&parts.levels, &mut found));
             for &(start, end) in &parts.rest {
-                add_outer(&mut found, &rows, width, start..end);
+                add_outer(&mut found, &rows, width, width, start..end);
             }
             let mut expected = vec![0.0; 6];
-            (0..codes.len()).filter(|v| codes[*v] == 255).for_each(|v| add_outer(&mut expected, &rows, width, v..v + 1));
+            (0..codes.len()).filter(|v| codes[*v] == 255).for_each(|v| add_outer(&mut expected, &rows, width, width, v..v + 1));
             for (a, b) in found.iter().zip(&expected) {
                 prop_assert!((a - b).abs() < 1e-3 * (1.0 + b.abs()), "{} {}", a, b);
             }

@@ -25,6 +25,8 @@ pub struct Chart {
     pub y_log: bool,
     /// Range of a horizontal axis of numbers; by default from the data.
     pub x_range: Option<Range<f64>>,
+    /// Whether a horizontal axis of numbers is logarithmic; values that are not positive are then left out.
+    pub x_log: bool,
     /// Whether to draw the line y = x, faint.
     pub diagonal: bool,
 }
@@ -33,7 +35,8 @@ impl Chart {
     /// A chart of the default size.
     pub fn new(title: &str, x_label: &str, y_label: &str) -> Self {
         let (title, x_label, y_label) = (title.into(), x_label.into(), y_label.into());
-        Self { title, x_label, y_label, width: 760, height: 440, y_range: None, y_log: false, x_range: None, diagonal: false }
+        let (y_range, x_range) = (None, None);
+        Self { title, x_label, y_label, width: 760, height: 440, y_range, y_log: false, x_range, x_log: false, diagonal: false }
     }
 
     /// One strip of points per category with a bar at its mean (as in the paper's Fig. 3); values that are not finite are left out.
@@ -87,6 +90,27 @@ impl Chart {
         frame.image
     }
 
+    /// One bar per category, made of the series one on top of the other, with the sum above; values that are negative or not finite are
+    /// left out.
+    pub fn stacked_bars(&self, categories: &[String], series: &[(String, Vec<f64>)]) -> Image {
+        let value = |s: usize, c: usize| series[s].1.get(c).copied().filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.0);
+        let sum = |series: usize, c: usize| (0..series).map(|s| value(s, c)).sum::<f64>();
+        let sums = (0..categories.len()).map(|c| sum(series.len(), c));
+        let mut frame = Frame::new(self, sums, Horizontal::Categories(categories.iter().map(String::as_str).collect()));
+        for c in 0..categories.len() {
+            let (middle, step) = frame.category(c, categories.len());
+            let (left, width) = ((middle - step * 0.3) as i32, ((step * 0.6) as u32).max(1));
+            for s in 0..series.len() {
+                let (low, high) = (frame.y(sum(s, c)), frame.y(sum(s + 1, c)));
+                frame.image.rectangle(left, high, width, low.abs_diff(high), Colour::SERIES[s % Colour::SERIES.len()]);
+            }
+            let top = sum(series.len(), c);
+            frame.image.text(&format!("{top:.2}"), middle as i32, frame.y(top) - 8, TextSize::Small, Anchor::Centre, Colour::INK);
+        }
+        frame.legend(series.iter().map(|(name, _)| name.as_str()));
+        frame.image
+    }
+
     /// One line per series through its points (x, y).
     pub fn lines(&self, series: &[(String, Vec<(f64, f64)>)]) -> Image {
         let plain = |points: &Vec<(f64, f64)>| points.iter().map(|p| (p.0, p.1, 0.0)).collect();
@@ -96,16 +120,15 @@ impl Chart {
     /// One line per series through its points (x, y, weight), with a disc on each point whose area grows with its weight.
     pub fn weighted_lines(&self, series: &[WeightedSeries]) -> Image {
         let points = || series.iter().flat_map(|(_, points)| points.iter());
-        let x_axis = self.x_range.clone().unwrap_or_else(|| range_of(points().map(|p| p.0), false));
-        let mut frame = Frame::new(self, points().map(|p| p.1), Horizontal::Numbers(x_axis));
+        let mut frame = Frame::new(self, points().map(|p| p.1), Horizontal::Numbers(self.x_axis(points().map(|p| p.0))));
         if self.diagonal {
-            let (low, high) = (frame.x_axis.start.max(frame.y_axis.range.start), frame.x_axis.end.min(frame.y_axis.range.end));
+            let (low, high) = (frame.x_axis.range.start.max(frame.y_axis.range.start), frame.x_axis.range.end.min(frame.y_axis.range.end));
             frame.image.line((frame.x(low), frame.y(low)), (frame.x(high), frame.y(high)), 2, Colour::FAINT);
         }
         let heaviest = points().map(|p| p.2).filter(|w| w.is_finite()).fold(0.0, f64::max);
         for (s, (_, points)) in series.iter().enumerate() {
             let colour = Colour::SERIES[s % Colour::SERIES.len()];
-            let shown: Vec<_> = points.iter().filter(|p| p.0.is_finite() && frame.y_axis.shows(p.1)).collect();
+            let shown: Vec<_> = points.iter().filter(|p| frame.x_axis.shows(p.0) && frame.y_axis.shows(p.1)).collect();
             let places: Vec<_> = shown.iter().map(|p| (frame.x(p.0), frame.y(p.1))).collect();
             for pair in places.windows(2) {
                 frame.image.line(pair[0], pair[1], 2, colour);
@@ -135,6 +158,12 @@ impl Chart {
     fn y_axis(&self, values: impl Iterator<Item = f64>) -> Axis {
         let log = self.y_log;
         let range = self.y_range.clone().unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, true) });
+        Axis { range, log }
+    }
+
+    fn x_axis(&self, values: impl Iterator<Item = f64>) -> Axis {
+        let log = self.x_log;
+        let range = self.x_range.clone().unwrap_or_else(|| if log { decades_of(values) } else { range_of(values, false) });
         Axis { range, log }
     }
 }
@@ -203,7 +232,7 @@ fn log_ticks(axis: &Range<f64>) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// The vertical axis.
+/// An axis of numbers.
 struct Axis {
     range: Range<f64>,
     log: bool,
@@ -214,7 +243,7 @@ impl Axis {
         value.is_finite() && (!self.log || value > 0.0)
     }
 
-    /// How far up a value stands, from 0 to 1.
+    /// How far along the axis a value stands, from 0 to 1.
     fn share(&self, value: f64) -> f64 {
         let place = |v: f64| if self.log { v.ln() } else { v };
         let (low, high) = (place(self.range.start), place(self.range.end));
@@ -228,7 +257,7 @@ impl Axis {
 
 enum Horizontal<'a> {
     Categories(Vec<&'a str>),
-    Numbers(Range<f64>),
+    Numbers(Axis),
 }
 
 /// Axes, ticks and labels, and the places of values.
@@ -238,7 +267,7 @@ struct Frame {
     right: i32,
     top: i32,
     bottom: i32,
-    x_axis: Range<f64>,
+    x_axis: Axis,
     y_axis: Axis,
 }
 
@@ -250,7 +279,10 @@ impl Frame {
         let label_width = y_ticks.iter().map(|(_, t)| TextSize::Small.width(t)).max().unwrap_or(0) as i32;
         let (left, right) = (34 + label_width, chart.width as i32 - 16);
         let (top, bottom) = (56, chart.height as i32 - 52);
-        let x_axis = if let Horizontal::Numbers(axis) = &horizontal { axis.clone() } else { 0.0..1.0 };
+        let (x_axis, names) = match horizontal {
+            Horizontal::Numbers(axis) => (axis, None),
+            Horizontal::Categories(names) => (Axis { range: 0.0..1.0, log: false }, Some(names)),
+        };
         image.text(&chart.title, (left + right) / 2, 20, TextSize::Large, Anchor::Centre, Colour::INK);
         image.text(&chart.x_label, (left + right) / 2, chart.height as i32 - 14, TextSize::Medium, Anchor::Centre, Colour::INK);
         let mut label = Image::new(TextSize::Medium.width(&chart.y_label) + 2, TextSize::Medium.height() + 2);
@@ -264,15 +296,15 @@ impl Frame {
             frame.image.line((left, y), (right, y), 1, Colour::FAINT);
             frame.image.text(&text, left - 6, y, TextSize::Small, Anchor::Right, Colour::INK);
         }
-        match horizontal {
-            Horizontal::Numbers(axis) => {
-                for (value, text) in ticks(&axis) {
+        match names {
+            None => {
+                for (value, text) in frame.x_axis.ticks() {
                     let x = frame.x(value);
                     frame.image.line((x, bottom), (x, bottom + 4), 1, Colour::INK);
                     frame.image.text(&text, x, bottom + 14, TextSize::Small, Anchor::Centre, Colour::INK);
                 }
             }
-            Horizontal::Categories(names) => {
+            Some(names) => {
                 // Names that would run into each other stand on two levels.
                 let step = (right - left) as usize / names.len().max(1);
                 let is_tight = names.iter().any(|n| TextSize::Small.width(n) + 6 > step);
@@ -294,8 +326,7 @@ impl Frame {
     }
 
     fn x(&self, value: f64) -> i32 {
-        let share = (value - self.x_axis.start) / (self.x_axis.end - self.x_axis.start);
-        self.left + (share.clamp(0.0, 1.0) * f64::from(self.right - self.left)).round() as i32
+        self.left + (self.x_axis.share(value) * f64::from(self.right - self.left)).round() as i32
     }
 
     fn y(&self, value: f64) -> i32 {
@@ -340,12 +371,26 @@ mod tests {
 
     #[test]
     fn values_stand_where_the_axis_says() {
-        let frame = Frame::new(&Chart::new("", "", ""), [10.0].into_iter(), Horizontal::Numbers(0.0..2.0));
+        let axis = |range, log| Axis { range, log };
+        let frame = Frame::new(&Chart::new("", "", ""), [10.0].into_iter(), Horizontal::Numbers(axis(0.0..2.0, false)));
         assert_eq!((frame.y(0.0), frame.y(10.0), frame.y(5.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
         assert_eq!((frame.x(0.0), frame.x(2.0), frame.x(9.0)), (frame.left, frame.right, frame.right));
         let chart = Chart { y_log: true, ..Chart::new("", "", "") };
-        let frame = Frame::new(&chart, [0.01, 100.0, -3.0].into_iter(), Horizontal::Numbers(0.0..2.0));
+        let frame = Frame::new(&chart, [0.01, 100.0, -3.0].into_iter(), Horizontal::Numbers(axis(0.1..10.0, true)));
         assert_eq!((frame.y(0.01), frame.y(100.0), frame.y(1.0)), (frame.bottom, frame.top, (frame.top + frame.bottom) / 2));
+        assert_eq!((frame.x(0.1), frame.x(10.0)), (frame.left, frame.right));
+        assert!((frame.x(1.0) - (frame.left + frame.right) / 2).abs() <= 1);
+    }
+
+    #[test]
+    fn stacked_bars_stand_on_each_other() {
+        let chart = Chart { y_range: Some(0.0..4.0), ..Chart::new("", "", "") };
+        let image = chart.stacked_bars(&["a".into()], &[("".into(), vec![1.0]), ("".into(), vec![2.0])]);
+        let frame = Frame::new(&chart, [].into_iter(), Horizontal::Categories(vec!["a"]));
+        let middle = frame.category(0, 1).0 as usize;
+        let at = |value: f64| image.pixel(middle, frame.y(value) as usize);
+        assert_eq!([at(0.5), at(1.5), at(2.5)], [Colour::SERIES[0].rgb, Colour::SERIES[1].rgb, Colour::SERIES[1].rgb]);
+        assert_eq!(at(3.5), Colour::PAPER.rgb);
     }
 
     #[test]
@@ -357,7 +402,9 @@ mod tests {
         chart.bars(&["a".into()], &[("s".into(), vec![-1.0, 2.0]), ("t".into(), vec![])]);
         chart.lines(&[("s".into(), vec![(f64::NAN, 1.0), (1.0, 1.0)])]);
         chart.cumulative(&[("s".into(), vec![])]);
-        let log = Chart { y_log: true, diagonal: true, ..chart.clone() };
+        chart.stacked_bars(&[], &[]);
+        chart.stacked_bars(&["a".into()], &[("s".into(), vec![f64::NAN]), ("t".into(), vec![-1.0]), ("u".into(), vec![])]);
+        let log = Chart { x_log: true, y_log: true, diagonal: true, ..chart.clone() };
         log.weighted_lines(&[("s".into(), vec![(0.0, -1.0, 1.0), (1.0, 0.0, f64::NAN), (2.0, 5.0, 2.0)])]);
         log.bars(&["a".into()], &[("s".into(), vec![0.5])]);
         Chart { width: 10, height: 10, ..chart }.bars(&["a".into()], &[("s".into(), vec![1.0])]);

@@ -3,10 +3,12 @@
 use super::streams::Waiting;
 use super::tracks::Tracks;
 use crate::grid::{Outside, Rotation, View, from_xyzw, to_xyzw};
+use crate::perception::lanes::to_bytes;
 use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, RotationPrior, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
 use beo_ipc::{CompletionFrame, Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use std::time::Duration;
 
 /// Answers observations with one model.
 pub struct Answerer {
@@ -37,11 +39,15 @@ impl Answerer {
     pub fn answer(&mut self, server: &Server, waiting: &Waiting) -> Percept {
         let header = &waiting.header;
         let mut percept = Percept { received_ns: waiting.received_ns, model_id: self.perceiver.model().id, ..Percept::answering(header) };
+        let started_ns = monotonic_ns();
         if let Err(error) = self.classify(waiting) {
             return internal(percept, &error.to_string());
         }
-        percept.classified_ns = monotonic_ns();
         let answer = &self.percept;
+        let stamp = |since: Duration| started_ns + since.as_nanos() as u64;
+        percept.projected_ns = stamp(answer.timings.projected);
+        percept.classified_ns = stamp(answer.timings.classified);
+        percept.posed_ns = stamp(answer.timings.posed);
         let classes = answer.posterior.len();
         percept.class_count = classes as u32;
         percept.class_index = answer.class as u32;
@@ -57,7 +63,6 @@ impl Answerer {
             *field = Hypothesis { rotation_object_to_grid: quaternion(&h.rotation), class_index: h.class as u32, probability };
         }
         percept.rotation_spread_rad = answer.spread as f32;
-        percept.posed_ns = percept.classified_ns;
         if header.tasks & tasks::COMPLETION != 0 {
             match self.complete(server, waiting) {
                 Ok(()) => {
@@ -119,7 +124,7 @@ impl Answerer {
         header.frame = waiting.header.completion_frame;
         let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
         for (bytes, values) in [(occupancy, &self.percept.occupancy), (deviation, &self.percept.deviation)] {
-            bytes.iter_mut().zip(values).for_each(|(byte, value)| *byte = (value * 255.0 + 0.5) as u8);
+            to_bytes(values, bytes);
         }
         loan.send().map_err(|error| error.to_string())
     }

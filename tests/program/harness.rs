@@ -84,7 +84,10 @@ impl Running {
             if let Some(status) = self.child.try_wait().unwrap() {
                 return status;
             }
-            assert!(start.elapsed() < PATIENCE, "process {} did not end", self.id());
+            if start.elapsed() > PATIENCE {
+                let said: Vec<String> = [&self.stdout, &self.stderr].into_iter().flatten().flat_map(Receiver::try_iter).collect();
+                panic!("process {} did not end; it said last:\n{}", self.id(), said.join("\n"));
+            }
             std::thread::sleep(Duration::from_millis(5));
         }
     }

@@ -1,7 +1,6 @@
 //! The program as its users run it: real processes, real shared memory.
 
-mod bench_query;
-mod bench_transport;
+mod bench;
 mod full_pose;
 mod harness;
 mod pose;

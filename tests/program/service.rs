@@ -151,8 +151,16 @@ fn what_cannot_be_answered_is_refused_with_a_reason_and_the_next_is_answered() {
     });
     assert_eq!(percept.status, 0, "{}", explanation(&percept));
     assert_eq!((percept.object_id, percept.sensor_stamp_ns, percept.producer_id), (42, 7, client.producer.id()));
-    let stamps =
-        [percept.capture_ns, percept.received_ns, percept.classified_ns, percept.posed_ns, percept.completed_ns, percept.published_ns];
+    let stamps = [
+        percept.capture_ns,
+        percept.written_ns,
+        percept.received_ns,
+        percept.projected_ns,
+        percept.classified_ns,
+        percept.posed_ns,
+        percept.completed_ns,
+        percept.published_ns,
+    ];
     assert!(stamps.windows(2).all(|pair| pair[0] <= pair[1]) && stamps[0] > 0, "{stamps:?}");
     assert_eq!(percept.hypothesis_count, 1);
     assert_eq!(percept.hypotheses[0].rotation_object_to_grid, [0.0, 0.0, 0.0, 1.0]);

@@ -118,7 +118,7 @@ pub unsafe extern "C" fn beo_producer_loan(
 /// closed, or let go of a daemon that went away, after the loan: the grid is lost.
 ///
 /// `header` says what the grid is and what is asked for; start from `beo_observation_header_init`; NULL stands for what that fills in.
-/// `producer_id` and `sequence` are filled in here, and `capture_ns` if it is 0: with the time of the loan.
+/// `producer_id`, `sequence` and `written_ns` are filled in here, and `capture_ns` if it is 0: with the time of the loan.
 ///
 /// # Safety
 /// `header` is NULL or readable; `sequence` is NULL or writable.

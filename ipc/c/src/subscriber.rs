@@ -71,8 +71,8 @@ pub extern "C" fn beo_subscriber_close(subscriber: *mut SubscriberHandle) -> Out
 /// percepts and completions there are: one wake-up can stand for several.
 ///
 /// `BEO_STATUS_TIMEOUT` if nothing came, `BEO_STATUS_NOT_RUNNING` if nothing came and no daemon is there: waiting again is right for both,
-/// as this call also connects to the next daemon. `BEO_STATUS_INTERRUPTED` if a signal came: the library installs no handlers, the caller's
-/// have run.
+/// as this call also connects to the next daemon. `BEO_STATUS_INTERRUPTED` if a signal came while it slept: the library installs no
+/// handlers, the caller's have run. One that comes just before it sleeps does not end it: whoever stops by a signal waits with a timeout.
 #[unsafe(no_mangle)]
 pub extern "C" fn beo_subscriber_wait(subscriber: *mut SubscriberHandle, timeout_ms: i32) -> Outcome {
     guard(|| {

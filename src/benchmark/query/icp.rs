@@ -2,7 +2,7 @@
 //! alone.
 
 use super::questions::{Question, Search};
-use crate::benchmark::percentiles::Times;
+use crate::benchmark::percentiles::Percentiles;
 use crate::evaluation::icp::{Freedom, Icp, filled_points, mean_object, yaw_starts};
 use crate::evaluation::symmetry::cube_rotations;
 use crate::perception::Perceiver;
@@ -15,20 +15,18 @@ const STARTS: usize = 24;
 const ENOUGH: usize = 10;
 
 /// Times of some of the questions; `None` where no rotation is searched or no object is of a known class.
-pub fn time_icp(perceiver: &Perceiver, questions: &[Question], search: Search) -> Option<Times> {
+pub fn time_icp(perceiver: &Perceiver, questions: &[Question], search: Search) -> Option<Percentiles> {
     let (freedom, starts) = match search {
         Search::Yaw => (Freedom::Yaw, yaw_starts(STARTS, std::f64::consts::TAU)),
         Search::Full => (Freedom::Full, cube_rotations()),
         Search::Known | Search::Tracking => return None,
     };
-    let mut times = Times::default();
-    let mut some = false;
+    let mut times_ns = Vec::new();
     for (question, class) in questions.iter().filter_map(|question| Some((question, question.class?))).take(ENOUGH) {
         let mean = Icp::new(&mean_object(perceiver.model().dims(), |voxel| perceiver.class_mean(class, voxel)));
         let start = Instant::now();
         black_box(mean.align(&filled_points(&question.observation), freedom, &starts));
-        times.record(start.elapsed().as_nanos() as u64);
-        some = true;
+        times_ns.push(start.elapsed().as_nanos() as u64);
     }
-    some.then_some(times)
+    (!times_ns.is_empty()).then(|| Percentiles::of_times(times_ns))
 }

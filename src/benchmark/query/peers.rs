@@ -4,7 +4,7 @@
 //! answer themselves, and give times, posteriors and completions back.
 
 use super::questions::Question;
-use crate::benchmark::percentiles::Times;
+use crate::benchmark::percentiles::Percentiles;
 use crate::perception::{PerceiveError, Perceiver, Percept};
 use npyz::{NpyFile, WriterBuilder};
 use serde::{Deserialize, Serialize};
@@ -130,31 +130,30 @@ pub struct PeerRun {
     /// Threads that it was given.
     pub threads: usize,
     /// Times of single queries.
-    pub times: Times,
+    pub times: Percentiles,
     /// How its answers compare with ours.
     pub agreement: Agreement,
 }
 
-/// Our own answers, for comparison.
-pub struct OwnAnswers(Vec<Percept>);
+/// Our own answer to one question.
+pub struct OwnAnswer {
+    /// With completion.
+    pub percept: Percept,
+    /// The classes whose evidence was computed for the class, not only for the completion.
+    pub scored: Vec<bool>,
+}
 
-impl OwnAnswers {
-    /// Answers all questions.
-    pub fn new(perceiver: &Perceiver, questions: &[Question]) -> Result<Self, PerceiveError> {
-        let mut work = perceiver.workspace();
-        let mut answer = |question: &Question| {
-            let mut percept = Percept::default();
-            perceiver.classify(&question.observation, &question.query, &mut work, &mut percept)?;
-            perceiver.complete(&question.query, &mut work, &mut percept)?;
-            Ok(percept)
-        };
-        questions.iter().map(&mut answer).collect::<Result<_, _>>().map(Self)
-    }
-
-    /// The answers, in the order of the questions.
-    pub fn percepts(&self) -> &[Percept] {
-        &self.0
-    }
+/// Answers all questions.
+pub fn own_answers(perceiver: &Perceiver, questions: &[Question]) -> Result<Vec<OwnAnswer>, PerceiveError> {
+    let mut work = perceiver.workspace();
+    let mut answer = |question: &Question| {
+        let mut percept = Percept::default();
+        perceiver.classify(&question.observation, &question.query, &mut work, &mut percept)?;
+        let scored = percept.log_evidence.iter().map(|evidence| *evidence != 0.0).collect();
+        perceiver.complete(&question.query, &mut work, &mut percept)?;
+        Ok(OwnAnswer { percept, scored })
+    };
+    questions.iter().map(&mut answer).collect()
 }
 
 /// The folder in which files are exchanged; removed when dropped.
@@ -201,12 +200,12 @@ impl Peers {
     }
 
     /// Runs a peer with this many threads, and compares its answers with ours.
-    pub fn run(&self, peer: Peer, threads: usize, own: &OwnAnswers, stop: &AtomicBool) -> Result<PeerRun, PeerError> {
+    pub fn run(&self, peer: Peer, threads: usize, own: &[OwnAnswer], stop: &AtomicBool) -> Result<PeerRun, PeerError> {
         let (script, _) = peer.script();
         let wrong = |what: String| PeerError::Output { script, what };
         let answers: Answers = serde_json::from_str(&self.ask(script, threads, stop)?).map_err(|error| wrong(error.to_string()))?;
-        if answers.ns.len() != own.0.len() || answers.posteriors.len() != own.0.len() {
-            return Err(wrong(format!("{} times and {} answers to {} queries", answers.ns.len(), answers.posteriors.len(), own.0.len())));
+        if answers.ns.len() != own.len() || answers.posteriors.len() != own.len() {
+            return Err(wrong(format!("{} times and {} answers to {} queries", answers.ns.len(), answers.posteriors.len(), own.len())));
         }
         let occupancy = self.read("occupancy.npy").map_err(wrong)?;
         let deviation = match peer {
@@ -214,9 +213,7 @@ impl Peers {
             Peer::SameAlgorithm => self.read("deviation.npy").map_err(wrong)?,
         };
         let agreement = compare(own, &answers.posteriors, &occupancy, &deviation).map_err(wrong)?;
-        let mut times = Times::default();
-        answers.ns.iter().for_each(|ns| times.record(*ns));
-        Ok(PeerRun { numpy: answers.numpy, threads: answers.threads, times, agreement })
+        Ok(PeerRun { numpy: answers.numpy, threads: answers.threads, times: Percentiles::of_times(answers.ns), agreement })
     }
 
     /// What a script prints.
@@ -271,9 +268,9 @@ impl Drop for Peers {
 }
 
 /// The largest differences. `deviation` may be empty.
-fn compare(own: &OwnAnswers, posteriors: &[Vec<f64>], occupancy: &[f32], deviation: &[f32]) -> Result<Agreement, String> {
-    let mut agreement = Agreement { queries: own.0.len(), ..Agreement::default() };
-    for (i, (percept, posterior)) in own.0.iter().zip(posteriors).enumerate() {
+fn compare(own: &[OwnAnswer], posteriors: &[Vec<f64>], occupancy: &[f32], deviation: &[f32]) -> Result<Agreement, String> {
+    let mut agreement = Agreement { queries: own.len(), ..Agreement::default() };
+    for (i, (OwnAnswer { percept, .. }, posterior)) in own.iter().zip(posteriors).enumerate() {
         if posterior.len() != percept.posterior.len() {
             return Err(format!("posteriors of {} classes, not {}", posterior.len(), percept.posterior.len()));
         }
@@ -311,7 +308,7 @@ mod tests {
             deviation: vec![0.25, 0.0],
             ..Percept::default()
         };
-        let own = OwnAnswers(vec![percept(0), percept(1)]);
+        let own = [0, 1].map(|class| OwnAnswer { percept: percept(class), scored: Vec::new() });
         let posteriors = [vec![0.75, 0.25], vec![0.25, 0.75]];
         let same = compare(&own, &posteriors, &[0.5, 1.0, 0.5, 1.0], &[0.25, 0.0, 0.25, 0.0]).unwrap();
         assert_eq!(same, Agreement { queries: 2, same_class: 2, ..Agreement::default() });

@@ -4,7 +4,8 @@ use super::floor::Floor;
 use super::peers::Agreement;
 use super::questions::Search;
 use super::timing::{Condition, Task};
-use crate::benchmark::machine::{Limits, Machine};
+use crate::benchmark::limits::Limits;
+use crate::benchmark::machine::Circumstances;
 use crate::benchmark::percentiles::{Percentiles, median_ratio};
 use serde::Serialize;
 use std::fmt::Write;
@@ -20,10 +21,10 @@ pub struct Row {
     pub task: Task,
     /// What went before.
     pub condition: Condition,
-    /// Medians over the repeats, nanoseconds.
-    pub ns: Percentiles,
-    /// The median of each repeat, nanoseconds.
-    pub p50_of_repeats_ns: Vec<f64>,
+    /// Medians over the repeats, microseconds.
+    pub us: Percentiles,
+    /// The median of each repeat, microseconds.
+    pub p50_of_repeats_us: Vec<f64>,
     /// What must be read and computed, mean over the queries.
     pub floor: Floor,
     /// Median over the time that reading it takes: from the shared cache when warm, else from memory.
@@ -35,7 +36,7 @@ pub struct Row {
 impl Row {
     /// Of the percentiles of each repeat.
     pub fn new(search: Search, task: Task, condition: Condition, repeats: &[Percentiles], floor: Floor, limits: &Limits) -> Self {
-        let ns = Percentiles::median(repeats);
+        let us = Percentiles::median(repeats);
         let gb_s = if condition == Condition::Warm { limits.cache_gb_s } else { limits.memory_gb_s };
         let task_name = if task == Task::Class { "class" } else { "class and completion" };
         Self {
@@ -43,12 +44,12 @@ impl Row {
             search,
             task,
             condition,
-            ns,
-            p50_of_repeats_ns: repeats.iter().map(|p| p.p50).collect(),
+            us,
+            p50_of_repeats_us: repeats.iter().map(|p| p.p50).collect(),
             floor,
-            // GB/s are bytes per nanosecond.
-            over_bandwidth: ns.p50 / (floor.bytes / gb_s),
-            over_gflops: ns.p50 / (floor.flops / limits.gflops),
+            // GB/s are thousands of bytes per microsecond.
+            over_bandwidth: us.p50 / (floor.bytes / gb_s / 1e3),
+            over_gflops: us.p50 / (floor.flops / limits.gflops / 1e3),
         }
     }
 }
@@ -60,10 +61,10 @@ pub struct PeerRow {
     pub name: String,
     /// Threads that it may use.
     pub threads: usize,
-    /// Medians over the repeats, nanoseconds.
-    pub ns: Percentiles,
-    /// The median of each repeat, nanoseconds.
-    pub p50_of_repeats_ns: Vec<f64>,
+    /// Medians over the repeats, microseconds.
+    pub us: Percentiles,
+    /// The median of each repeat, microseconds.
+    pub p50_of_repeats_us: Vec<f64>,
     /// The row of ours that it is compared with.
     pub ours: String,
     /// Its median over ours, of the same repeat.
@@ -77,14 +78,14 @@ pub struct PeerRow {
 impl PeerRow {
     /// Of the percentiles of each repeat.
     pub fn new(name: &str, threads: usize, repeats: &[Percentiles], ours: &Row, agreement: Option<Agreement>) -> Self {
-        let p50_of_repeats_ns: Vec<f64> = repeats.iter().map(|p| p.p50).collect();
+        let p50_of_repeats_us: Vec<f64> = repeats.iter().map(|p| p.p50).collect();
         Self {
             name: name.to_owned(),
             threads,
-            ns: Percentiles::median(repeats),
+            us: Percentiles::median(repeats),
             ours: ours.name.clone(),
-            over_ours: median_ratio(&p50_of_repeats_ns, &ours.p50_of_repeats_ns),
-            p50_of_repeats_ns,
+            over_ours: median_ratio(&p50_of_repeats_us, &ours.p50_of_repeats_us),
+            p50_of_repeats_us,
             same_answers: agreement.as_ref().map(Agreement::is_equal),
             agreement,
         }
@@ -94,8 +95,11 @@ impl PeerRow {
 /// Everything.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Where it was measured.
-    pub machine: Machine,
+    /// Which benchmark.
+    pub benchmark: &'static str,
+    /// On which machine, and how far to trust it.
+    #[serde(flatten)]
+    pub circumstances: Circumstances,
     /// How fast it can go at most.
     pub limits: Limits,
     /// What was asked about, for people.
@@ -116,7 +120,7 @@ impl Report {
     /// For people.
     pub fn text(&self) -> String {
         let l = &self.limits;
-        let mut text = format!("{}\n", self.machine);
+        let mut text = format!("{}\n", self.circumstances.machine);
         let _ = writeln!(
             text,
             "{}; {} queries of each kind, {} repeats in turns, medians, {} threads",
@@ -133,14 +137,14 @@ impl Report {
             "milliseconds", "p50", "p90", "p99", "must read", "/ bandwidth", "/ GFLOP/s"
         );
         for row in &self.rows {
-            let p = row.ns;
+            let p = row.us;
             let _ = writeln!(
                 text,
                 "{:<48} {:>8.3} {:>8.3} {:>8.3} {:>6.2} MB {:>10.1}x {:>9.1}x",
                 row.name,
-                p.p50 / 1e6,
-                p.p90 / 1e6,
-                p.p99 / 1e6,
+                p.p50 / 1e3,
+                p.p90 / 1e3,
+                p.p99 / 1e3,
                 row.floor.bytes / 1e6,
                 row.over_bandwidth,
                 row.over_gflops
@@ -154,8 +158,8 @@ impl Report {
             );
         }
         for peer in &self.peers {
-            let p = peer.ns;
-            let times = format!("{:>8.2} {:>8.2} {:>8.2}", p.p50 / 1e6, p.p90 / 1e6, p.p99 / 1e6);
+            let p = peer.us;
+            let times = format!("{:>8.2} {:>8.2} {:>8.2}", p.p50 / 1e3, p.p90 / 1e3, p.p99 / 1e3);
             let _ = writeln!(text, "{:<48} {times} {:>8} {:>8.1}x   {}", peer.name, peer.threads, peer.over_ours, peer.ours);
         }
         for (peer, agreement) in self.peers.iter().filter_map(|peer| Some((peer, peer.agreement?))) {
@@ -170,6 +174,7 @@ impl Report {
         for line in &self.skipped {
             let _ = writeln!(text, "skipped: {line}");
         }
+        text.push_str(&self.circumstances.warning_lines());
         text
     }
 }

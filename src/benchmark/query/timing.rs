@@ -1,8 +1,9 @@
 //! How long answers take: warm, with cold caches, and at 30 a second.
 
 use super::questions::Question;
-use crate::benchmark::machine::{Machine, sum};
-use crate::benchmark::percentiles::Times;
+use crate::benchmark::limits::sum;
+use crate::benchmark::machine::Machine;
+use crate::benchmark::percentiles::Percentiles;
 use crate::perception::{PerceiveError, Perceiver, Percept, Workspace};
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
@@ -72,9 +73,9 @@ pub fn time_answers(
     task: Task,
     condition: Condition,
     evictor: &Evictor,
-) -> Result<Times, PerceiveError> {
+) -> Result<Percentiles, PerceiveError> {
     let mut percept = Percept::default();
-    let mut times = Times::default();
+    let mut times_ns = Vec::with_capacity(questions.len());
     for (i, question) in questions.iter().take(WARM_UP).chain(questions).enumerate() {
         match condition {
             Condition::Warm => {}
@@ -89,8 +90,8 @@ pub fn time_answers(
         let elapsed = start.elapsed();
         black_box(&percept);
         if i >= questions.len().min(WARM_UP) {
-            times.record(elapsed.as_nanos() as u64);
+            times_ns.push(elapsed.as_nanos() as u64);
         }
     }
-    Ok(times)
+    Ok(Percentiles::of_times(times_ns))
 }

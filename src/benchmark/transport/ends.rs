@@ -1,7 +1,9 @@
 //! What a sending and a receiving end do, whatever the means.
 
 use super::plan::{Wake, Work};
+use crate::benchmark::limits::sum;
 use crate::grid::{Dims, Observation, UNKNOWN};
+use crate::process::ProcessError;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::{LoanError, OpenError, ReceiveError, Refusal, SendError, WaitError};
 use std::hint::black_box;
@@ -42,6 +44,12 @@ pub enum TransportError {
         /// What it said.
         cause: String,
     },
+    /// The other process did not start, or failed.
+    #[error(transparent)]
+    Process(#[from] ProcessError),
+    /// A core is not to be had.
+    #[error(transparent)]
+    Core(#[from] std::io::Error),
     /// The system failed.
     #[error("cannot {what}: {cause}")]
     System {
@@ -163,10 +171,6 @@ impl<'a> Reader<'a> {
             _ => Ok(()),
         }
     }
-}
-
-fn sum(bytes: &[u8]) -> u64 {
-    pulp::Arch::new().dispatch(|| bytes.iter().map(|byte| u64::from(*byte)).sum())
 }
 
 /// The byte that fills the grid number `count`: every voxel code in turn.

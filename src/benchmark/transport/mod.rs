@@ -22,7 +22,7 @@ mod sender;
 mod stream;
 
 pub use ends::TransportError;
-pub use plan::{Exchange, Plan, Step, Wake, Way, Work};
+pub use plan::{Exchange, Plan, ReaderPlan, Step, Wake, Way, Work};
 pub use receiver::receive;
 pub use report::{Cell, Report};
 pub use sender::measure;

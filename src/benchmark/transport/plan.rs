@@ -83,6 +83,15 @@ pub struct Plan {
     pub repeats: usize,
 }
 
+/// What the reading process is told.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReaderPlan {
+    /// Of channels and socket; nobody else uses it.
+    pub name: String,
+    /// What is measured.
+    pub plan: Plan,
+}
+
 /// Payload up to which the number of hand-overs is not reduced.
 const SMALL_BYTES: usize = 300_000;
 /// Hand-overs of big grids, at least.

@@ -2,9 +2,9 @@
 //! stretch and that it is done with a grid, and ends with its percentiles as one line of JSON.
 
 use super::ends::{Incoming, Reader, TransportError, expected, fill, system};
-use super::plan::{Plan, Way, bytes};
+use super::plan::{ReaderPlan, Way, bytes};
 use super::{ours, raw, stream};
-use crate::benchmark::percentiles::{Percentiles, Times};
+use crate::benchmark::percentiles::Percentiles;
 use crate::grid::Dims;
 use iceoryx2::prelude::{ipc, ipc_threadsafe};
 use std::fs::File;
@@ -27,8 +27,11 @@ pub(super) fn socket_address(name: &str) -> Result<SocketAddr, TransportError> {
     SocketAddr::from_abstract_name(format!("beo-bench-{name}")).map_err(system("name a socket"))
 }
 
-/// Receives everything that `plan` says, from the sender that started this process under this `name`.
-pub fn receive(name: &str, plan: &Plan, stop: &AtomicBool) -> Result<(), TransportError> {
+/// Receives everything that its plan says, from the sender that started this process.
+///
+/// # Errors
+/// [`TransportError`].
+pub fn receive(ReaderPlan { name, plan }: &ReaderPlan, stop: &AtomicBool) -> Result<(), TransportError> {
     let socket = UnixStream::connect_addr(&socket_address(name)?).map_err(system("connect to the sender"))?;
     let pipe = std::io::stdin().as_fd().try_clone_to_owned().map(File::from).map_err(system("read standard input"))?;
     let mut ends: Vec<[Box<dyn Incoming>; 5]> = Vec::new();
@@ -52,7 +55,7 @@ pub fn receive(name: &str, plan: &Plan, stop: &AtomicBool) -> Result<(), Transpo
     let mut measured: Vec<Percentiles> = Vec::new();
     for step in plan.steps() {
         say(b"r")?;
-        let mut times = Times::default();
+        let mut times_ns = Vec::with_capacity(step.messages);
         let work = step.exchange.work;
         for count in 0..step.warm_up + step.messages {
             let received = ends[step.grid][place(step.exchange.way)].receive(step.exchange.wake, work, &mut readers[step.grid])?;
@@ -62,11 +65,11 @@ pub fn receive(name: &str, plan: &Plan, stop: &AtomicBool) -> Result<(), Transpo
                 return Err(TransportError::Damaged { bytes, found: received.value, expected });
             }
             if count >= step.warm_up {
-                times.record(received.done_ns.saturating_sub(received.sent_ns));
+                times_ns.push(received.done_ns.saturating_sub(received.sent_ns));
             }
             say(b".")?;
         }
-        measured.push(times.percentiles());
+        measured.push(Percentiles::of_times(times_ns));
     }
     let line = serde_json::to_string(&measured).map_err(|error| system("write the figures")(error.into()))?;
     say(format!("{line}\n").as_bytes())

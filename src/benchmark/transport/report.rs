@@ -1,7 +1,7 @@
 //! What was measured of transports: medians over the repeats, ratios, text and chart.
 
 use super::plan::{Exchange, Plan, Wake, Way, Work, bytes};
-use crate::benchmark::machine::Machine;
+use crate::benchmark::machine::Circumstances;
 use crate::benchmark::percentiles::{Percentiles, median_ratio};
 use crate::picture::{Chart, Image, sheet};
 use serde::Serialize;
@@ -17,10 +17,10 @@ pub struct Cell {
     /// How it was handed over.
     #[serde(flatten)]
     pub exchange: Exchange,
-    /// Medians over the repeats, nanoseconds.
-    pub ns: Percentiles,
-    /// The median of each repeat, nanoseconds.
-    pub p50_of_repeats_ns: Vec<f64>,
+    /// Medians over the repeats, microseconds.
+    pub us: Percentiles,
+    /// The median of each repeat, microseconds.
+    pub p50_of_repeats_us: Vec<f64>,
 }
 
 /// A ratio of medians measured in the same repeats.
@@ -35,8 +35,11 @@ pub struct Ratio {
 /// Everything.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Where it was measured.
-    pub machine: Machine,
+    /// Which benchmark.
+    pub benchmark: &'static str,
+    /// On which machine, and how far to trust it.
+    #[serde(flatten)]
+    pub circumstances: Circumstances,
     /// Whether sender and reader had a core each.
     pub pinned: bool,
     /// What was asked for.
@@ -49,7 +52,7 @@ pub struct Report {
 
 impl Report {
     /// Of the percentiles of the steps of `plan`, in its order.
-    pub fn new(machine: Machine, pinned: bool, plan: &Plan, measured: &[Percentiles]) -> Self {
+    pub fn new(circumstances: Circumstances, pinned: bool, plan: &Plan, measured: &[Percentiles]) -> Self {
         let of = |grid: usize, exchange: Exchange| -> Vec<Percentiles> {
             let steps = plan.steps().zip(measured);
             steps.filter(|(step, _)| step.grid == grid && step.exchange == exchange).map(|(_, p)| *p).collect()
@@ -61,11 +64,11 @@ impl Report {
                 side,
                 bytes: bytes(side),
                 exchange,
-                ns: Percentiles::median(&repeats),
-                p50_of_repeats_ns: repeats.iter().map(|p| p.p50).collect(),
+                us: Percentiles::median(&repeats),
+                p50_of_repeats_us: repeats.iter().map(|p| p.p50).collect(),
             })
             .collect();
-        let mut report = Self { machine, pinned, plan: plan.clone(), cells, ratios: Vec::new() };
+        let mut report = Self { benchmark: "transport", circumstances, pinned, plan: plan.clone(), cells, ratios: Vec::new() };
         report.ratios = report.all_ratios();
         report
     }
@@ -73,7 +76,7 @@ impl Report {
     fn medians(&self, grid: usize, exchange: Exchange) -> &[f64] {
         let side = self.plan.sides[grid];
         let cell = self.cells.iter().find(|cell| cell.side == side && cell.exchange == exchange);
-        cell.map_or(&[], |cell| &cell.p50_of_repeats_ns)
+        cell.map_or(&[], |cell| &cell.p50_of_repeats_us)
     }
 
     fn all_ratios(&self) -> Vec<Ratio> {
@@ -108,18 +111,17 @@ impl Report {
 
     /// For people.
     pub fn text(&self) -> String {
-        let mut text = format!("{}\n", self.machine);
+        let mut text = format!("{}\n", self.circumstances.machine);
         let place = if self.pinned { "a core each" } else { "sharing what cores there are" };
         let Plan { messages, repeats, .. } = &self.plan;
         let _ =
             writeln!(text, "two processes, {place}; {messages} hand-overs a kind (fewer of big payloads), {repeats} repeats, medians\n");
         let _ = writeln!(text, "{:<36} {:>9} {:>9} {:>9} {:>9}   p50 of the repeats", "microseconds", "bytes", "p50", "p90", "p99");
         for cell in &self.cells {
-            let us = |ns: f64| ns / 1e3;
-            let (low, high) = cell.p50_of_repeats_ns.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(*p), high.max(*p)));
-            let (name, p) = (label(cell.exchange), cell.ns);
-            let times = format!("{:>9.2} {:>9.2} {:>9.2}", us(p.p50), us(p.p90), us(p.p99));
-            let _ = writeln!(text, "{name:<36} {:>9} {times}   {:.2} to {:.2}", cell.bytes, us(low), us(high));
+            let (low, high) = cell.p50_of_repeats_us.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(*p), high.max(*p)));
+            let (name, p) = (label(cell.exchange), cell.us);
+            let times = format!("{:>9.2} {:>9.2} {:>9.2}", p.p50, p.p90, p.p99);
+            let _ = writeln!(text, "{name:<36} {:>9} {times}   {low:.2} to {high:.2}", cell.bytes);
         }
         let sizes: String = self.plan.sides.iter().map(|side| format!(" {:>9}", bytes(*side))).collect();
         let _ = writeln!(text, "\n{:<72}{sizes}", "ratios of medians, by bytes");
@@ -127,6 +129,7 @@ impl Report {
             let values: String = ratio.by_size.iter().map(|value| format!(" {value:>9.2}")).collect();
             let _ = writeln!(text, "{:<72}{values}", ratio.what);
         }
+        text.push_str(&self.circumstances.warning_lines());
         text
     }
 
@@ -137,7 +140,7 @@ impl Report {
             let chosen = Exchange::ALL.into_iter().filter(|e| (e.work == Work::Pointer) == pointer);
             let series: Vec<(String, Vec<f64>)> = chosen
                 .map(|exchange| {
-                    let values = self.cells.iter().filter(|cell| cell.exchange == exchange).map(|cell| cell.ns.p50 / 1e3);
+                    let values = self.cells.iter().filter(|cell| cell.exchange == exchange).map(|cell| cell.us.p50);
                     (short(exchange), values.collect())
                 })
                 .collect();
@@ -181,6 +184,7 @@ fn short(exchange: Exchange) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::benchmark::machine::Watch;
 
     #[test]
     fn ratios_compare_what_was_measured_in_the_same_repeat() {
@@ -189,11 +193,11 @@ mod tests {
         let measured: Vec<Percentiles> = plan
             .steps()
             .map(|step| {
-                let ns = (10 + step.grid) as f64 * if step.exchange.way == Way::Ours { 1.5 } else { 1.0 } * [1.0, 7.0, 1.0][step.repeat];
-                Percentiles { p50: ns, p90: ns, p99: ns }
+                let us = (10 + step.grid) as f64 * if step.exchange.way == Way::Ours { 1.5 } else { 1.0 } * [1.0, 7.0, 1.0][step.repeat];
+                Percentiles { p50: us, ..Percentiles::default() }
             })
             .collect();
-        let report = Report::new(Machine::now(), true, &plan, &measured);
+        let report = Report::new(Watch::start().end(), true, &plan, &measured);
         assert_eq!(report.cells.len(), 2 * Exchange::ALL.len());
         assert!(report.ratios[..3].iter().all(|ratio| ratio.by_size == [1.5, 1.5]), "{:?}", report.ratios);
         assert!((report.ratios[5].by_size[1] - 1.1).abs() < 1e-12);

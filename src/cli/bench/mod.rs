@@ -1,12 +1,15 @@
-//! `beo bench`: how fast it is, beside what it could be compared with.
+//! `beo bench`: measurements of speed.
 
+mod latency;
+mod part;
 mod query;
+mod scale;
 mod transport;
 
 use super::failure::Failure;
 use clap::{Args, Subcommand};
 
-/// Measure how fast this machine perceives and hands over grids
+/// Measure how fast it is
 #[derive(Args)]
 pub struct Bench {
     #[command(subcommand)]
@@ -15,22 +18,36 @@ pub struct Bench {
 
 #[derive(Subcommand)]
 enum What {
+    /// From an observation to its percept, through producer, daemon and readers as separate processes
+    Latency(latency::Latency),
+    /// The producer of `latency`
+    #[command(hide = true)]
+    LatencyProducer,
+    /// A reader of `latency`
+    #[command(hide = true)]
+    LatencyReader,
     /// Time the compute of queries alone, beside peers and the machine's own limits
     Query(query::Query),
+    /// Measure how the cost of a query grows: with classes, basis size, resolution, hidden voxels, threads, subscribers
+    Scale(scale::Scale),
     /// Time handing grids from one process to another, by our channels and by others
     Transport(transport::Transport),
     /// The reading process of `transport`
     #[command(hide = true)]
-    TransportReader(transport::TransportReader),
+    TransportReader,
 }
 
 impl Bench {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         match self.what {
+            What::Latency(command) => command.run(),
+            What::LatencyProducer => latency::producer(),
+            What::LatencyReader => latency::reader(),
             What::Query(command) => command.run(),
+            What::Scale(command) => command.run(),
             What::Transport(command) => command.run(),
-            What::TransportReader(command) => command.run(),
+            What::TransportReader => transport::reader(),
         }
     }
 }

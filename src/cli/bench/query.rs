@@ -1,10 +1,11 @@
 //! `beo bench query`.
 
-use crate::benchmark::machine::{Limits, Machine};
+use crate::benchmark::limits::Limits;
+use crate::benchmark::machine::Watch;
 use crate::benchmark::percentiles::Percentiles;
 use crate::benchmark::query::{
-    Condition, Evictor, Floor, Object, OwnAnswers, Peer, PeerError, PeerRow, Peers, Question, Report, Row, Search, Task, furniture,
-    questions, time_answers, time_icp,
+    Condition, Evictor, Floor, Object, OwnAnswer, Peer, PeerError, PeerRow, Peers, Question, Report, Row, Search, Task, furniture,
+    own_answers, questions, time_answers, time_icp,
 };
 use crate::cli::failure::Failure;
 use crate::cli::shapes::{self, MeshArguments};
@@ -30,8 +31,8 @@ pub struct Query {
     /// Model file
     #[arg(long, default_value = "models/modelnet10.safetensors")]
     model: PathBuf,
-    /// Different queries of each kind
-    #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// Different queries of each kind; the default run takes a minute or so, one that says something of p99 (--queries 1000) half an hour
+    #[arg(long, default_value_t = 25, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     queries: u32,
     /// Rounds over everything; medians over them are reported
     #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -61,14 +62,14 @@ impl Query {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         let stop = stop::on_signal()?;
-        let machine = Machine::now();
+        let watch = Watch::start();
         let model = Arc::new(load(&self.model)?);
         let (objects, about) = self.objects(&model)?;
         let perceiver = Perceiver::new(model.clone())?;
-        let limits = Limits::measure(&machine);
-        let evictor = Evictor::new(&machine);
+        let limits = Limits::measure(watch.machine());
+        let evictor = Evictor::new(watch.machine());
         let asked = Search::ALL.iter().map(|search| questions(&perceiver, &objects, *search)).collect::<Result<Vec<_>, _>>()?;
-        let own = asked.iter().map(|asked| OwnAnswers::new(&perceiver, asked)).collect::<Result<Vec<_>, _>>()?;
+        let own = asked.iter().map(|asked| own_answers(&perceiver, asked)).collect::<Result<Vec<_>, _>>()?;
 
         let mut kinds: Vec<Kind> = Vec::new();
         for search in Search::ALL {
@@ -87,7 +88,7 @@ impl Query {
                     return Err(PeerError::Interrupted.into());
                 }
                 let times = time_answers(&perceiver, &mut work, &asked[of(kind.search)], kind.task, kind.condition, &evictor)?;
-                kind.repeats.push(times.percentiles());
+                kind.repeats.push(times);
                 bar.inc(1);
             }
             others.measure(&perceiver, &asked, known.1, limits.threads, &stop)?;
@@ -96,8 +97,8 @@ impl Query {
         bar.finish_and_clear();
 
         let floor = |search: Search, task| {
-            let answers = own[of(search)].percepts().iter();
-            let floors: Vec<Floor> = asked[of(search)].iter().zip(answers).map(|(q, p)| Floor::new(&model, q, p, task)).collect();
+            let answered = asked[of(search)].iter().zip(&own[of(search)]);
+            let floors: Vec<Floor> = answered.map(|(question, answer)| Floor::new(&model, search, question, answer, task)).collect();
             Floor::mean(&floors)
         };
         let row = |kind: &Kind| {
@@ -107,7 +108,17 @@ impl Query {
         let rows: Vec<Row> = kinds.iter().map(row).collect();
         let peers = others.rows(&rows, limits.threads);
         let (queries, repeats) = (objects.len(), self.repeats as usize);
-        let report = Report { machine, limits, about, queries, repeats, rows, peers, skipped: others.skipped };
+        let report = Report {
+            benchmark: "query",
+            circumstances: watch.end(),
+            limits,
+            about,
+            queries,
+            repeats,
+            rows,
+            peers,
+            skipped: others.skipped,
+        };
         if self.json {
             say!("{}", serde_json::to_string(&report)?);
         } else {
@@ -174,7 +185,7 @@ impl Others {
         &mut self,
         perceiver: &Perceiver,
         asked: &[Vec<Question>],
-        known: &OwnAnswers,
+        known: &[OwnAnswer],
         threads: usize,
         stop: &std::sync::atomic::AtomicBool,
     ) -> Result<(), Failure> {
@@ -183,7 +194,6 @@ impl Others {
         }
         for (search, asked) in Search::ALL.into_iter().zip(asked) {
             if let Some(times) = time_icp(perceiver, asked, search) {
-                let times = times.percentiles();
                 match self.icp.iter_mut().find(|(s, _)| *s == search) {
                     Some((_, repeats)) => repeats.push(times),
                     None => self.icp.push((search, vec![times])),
@@ -193,13 +203,10 @@ impl Others {
         let Some(peers) = &self.peers else { return Ok(()) };
         for peer in Peer::ALL {
             match peers.run(peer, threads, known, stop) {
-                Ok(run) => {
-                    let times = run.times.percentiles();
-                    match self.numpy.iter_mut().find(|(p, ..)| *p == peer) {
-                        Some((_, _, repeats, _)) => repeats.push(times),
-                        None => self.numpy.push((peer, run.numpy, vec![times], run.agreement)),
-                    }
-                }
+                Ok(run) => match self.numpy.iter_mut().find(|(p, ..)| *p == peer) {
+                    Some((_, _, repeats, _)) => repeats.push(run.times),
+                    None => self.numpy.push((peer, run.numpy, vec![run.times], run.agreement)),
+                },
                 Err(error @ PeerError::Missing { .. }) => {
                     self.skipped.push(error.to_string());
                     self.peers = None;

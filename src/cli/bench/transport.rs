@@ -1,12 +1,14 @@
 //! `beo bench transport`, and its reading process.
 
-use crate::benchmark::machine::{Machine, pin};
-use crate::benchmark::transport::{Plan, Report, measure, receive};
+use super::part::plan;
+use crate::benchmark::machine::Watch;
+use crate::benchmark::transport::{Plan, ReaderPlan, Report, measure, receive};
 use crate::cli::failure::Failure;
 use crate::cli::{progress, stop};
+use crate::process::this_program;
 use clap::Args;
+use std::io::stdin;
 use std::path::PathBuf;
-use std::process::Command;
 
 /// Time handing grids from one process to another, by our channels and by others
 #[derive(Args)]
@@ -28,13 +30,6 @@ pub struct Transport {
     png: Option<PathBuf>,
 }
 
-/// The reading process
-#[derive(Args)]
-pub struct TransportReader {
-    name: String,
-    plan: String,
-}
-
 impl Transport {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
@@ -42,17 +37,14 @@ impl Transport {
         sides.sort_unstable();
         sides.dedup();
         let plan = Plan { sides, messages: self.messages as usize, repeats: self.repeats as usize };
-        let machine = Machine::now();
+        let watch = Watch::start();
         let stop = stop::on_signal()?;
-        let name = format!("transport-{}", std::process::id());
-        let mut command = Command::new(std::env::current_exe()?);
-        command.args(["bench", "transport-reader", &name, &serde_json::to_string(&plan)?]);
-        // The reader must not inherit this thread's core: it takes the next one itself.
-        let pinned = machine.cores > 1;
+        let pinned = watch.machine().cores > 1;
         let bar = progress::bar(plan.steps().count(), "handing over");
-        let measured = measure(&name, &plan, command, &stop, || bar.inc(1));
+        let plan = ReaderPlan { name: format!("transport-{}", std::process::id()), plan };
+        let measured = measure(&plan, this_program()?.args(["bench", "transport-reader"]), &stop, || bar.inc(1));
         bar.finish_and_clear();
-        let report = Report::new(machine, pinned, &plan, &measured?);
+        let report = Report::new(watch.end(), pinned, &plan.plan, &measured?);
         if let Some(path) = &self.png {
             report.chart().save(path)?;
         }
@@ -65,11 +57,10 @@ impl Transport {
     }
 }
 
-impl TransportReader {
-    /// Runs the command.
-    pub fn run(self) -> Result<(), Failure> {
-        let plan: Plan = serde_json::from_str(&self.plan)?;
-        pin(1);
-        Ok(receive(&self.name, &plan, &*stop::on_signal()?)?)
-    }
+/// The reading process: a plan on a line of standard input, the pipe's grids after it; what it measured on standard output.
+pub fn reader() -> Result<(), Failure> {
+    let stop = stop::on_signal()?;
+    // Nothing is read beyond the line: the first grid follows when this process has said that it is ready.
+    let plan: ReaderPlan = plan("transport", &mut stdin().lock())?;
+    Ok(receive(&plan, &stop)?)
 }

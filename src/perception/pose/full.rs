@@ -133,6 +133,7 @@ impl Perceiver {
             .into_par_iter()
             .map(|class| prior.wanted[class].then(|| self.peaks_of_views(class, &screen, &map, prior, temperature)))
             .collect();
+        percept.timings.projected = work.stopwatch.elapsed();
         let scores: Vec<f64> =
             (0..m).map(|s| peaks[s].as_ref().map_or(f64::NEG_INFINITY, |p| p.total / temperature + query.log_prior(s))).collect();
         for (peaks, most) in peaks.iter_mut().zip(prior.modes_to_refine(&scores)) {
@@ -215,6 +216,7 @@ impl Perceiver {
                 Ok::<_, LinearError>(if by_distance { distance } else { evidence })
             })
             .collect::<Result<_, _>>()?;
+        percept.timings.projected = work.stopwatch.elapsed();
         // Scores are log densities from here on.
         let peaks_of = |class: usize| {
             let looked: Vec<(Candidate, f64)> = grid

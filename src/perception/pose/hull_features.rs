@@ -4,6 +4,7 @@
 //! z = Bᵀ · pooled hull. As every column of the hull is a stack, that is one row of a table of partial sums per column.
 
 use crate::grid::{Dims, HeightMap, Pooling};
+use crate::perception::lanes::{Kernel, dispatch};
 use half::f16;
 
 /// The projection, as tables.
@@ -50,17 +51,28 @@ impl HullFeatures {
     /// Features of a height map, into `out` (`size` values).
     pub fn project(&self, map: &HeightMap, out: &mut [f32]) {
         out.fill(0.0);
-        let out = &mut out[..self.size];
-        // Compiled for the instruction sets of the CPU that it runs on.
-        pulp::Arch::new().dispatch(|| {
-            for &(column, start) in &self.columns {
-                let top = usize::from(map.tops()[column as usize]);
-                if top > 0 {
-                    let row = start as usize + top * self.size;
-                    out.iter_mut().zip(&self.table[row..row + self.size]).for_each(|(sum, v)| *sum += v);
+        dispatch(AddColumns(self, map, &mut out[..self.size]));
+    }
+}
+
+/// Adds the rows of the columns of a height map.
+struct AddColumns<'a>(&'a HullFeatures, &'a HeightMap, &'a mut [f32]);
+
+impl Kernel for AddColumns<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self(HullFeatures { columns, table, size, .. }, map, out) = self;
+        for &(column, start) in columns {
+            let top = usize::from(map.tops()[column as usize]);
+            if top > 0 {
+                let row = start as usize + top * size;
+                for (sum, v) in out.iter_mut().zip(&table[row..row + size]) {
+                    *sum += v;
                 }
             }
-        });
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use super::viewpoint::{self, TURNS};
 use crate::grid::{HeightMap, Rotation, yaw};
 use crate::model::{DIRECTIONS, Model, ViewDensities};
 use crate::perception::density::dot;
+use crate::perception::lanes::{Kernel, dispatch, multiply_add};
 use half::slice::HalfFloatSliceExt;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -117,31 +118,40 @@ impl Scratch {
 
     /// log N(z; mean, S) without the constant of the number of features, for one z per turn; `turned` has a row per feature.
     fn log_densities(&mut self, turned: &[[f32; TURNS]]) -> [f32; TURNS] {
-        let Self { mean, whitening, log_volume, centred } = self;
-        // Compiled for the instruction sets of the CPU that it runs on.
-        pulp::Arch::new().dispatch(|| {
-            for ((centred, z), mean) in centred.iter_mut().zip(turned).zip(&*mean) {
-                for (out, z) in centred.iter_mut().zip(z) {
-                    *out = z - mean;
+        dispatch(LogDensities(self, turned))
+    }
+}
+
+/// See [`Scratch::log_densities`].
+struct LogDensities<'a>(&'a mut Scratch, &'a [[f32; TURNS]]);
+
+impl Kernel for LogDensities<'_> {
+    type Output = [f32; TURNS];
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> [f32; TURNS] {
+        let Self(Scratch { mean, whitening, log_volume, centred }, turned) = self;
+        for ((centred, z), mean) in centred.iter_mut().zip(turned).zip(&*mean) {
+            for (out, z) in centred.iter_mut().zip(z) {
+                *out = z - mean;
+            }
+        }
+        let mut sums = [0.0_f32; TURNS];
+        let mut rest = &whitening[..];
+        for i in 0..centred.len() {
+            let (row, tail) = rest.split_at(i + 1);
+            rest = tail;
+            let mut whitened = [0.0_f32; TURNS];
+            for (factor, centred) in row.iter().zip(&*centred) {
+                for (sum, v) in whitened.iter_mut().zip(centred) {
+                    *sum = multiply_add::<FUSED>(*factor, *v, *sum);
                 }
             }
-            let mut sums = [0.0_f32; TURNS];
-            let mut rest = &whitening[..];
-            for i in 0..centred.len() {
-                let (row, tail) = rest.split_at(i + 1);
-                rest = tail;
-                let mut whitened = [0.0_f32; TURNS];
-                for (factor, centred) in row.iter().zip(&*centred) {
-                    for (sum, v) in whitened.iter_mut().zip(centred) {
-                        *sum += factor * v;
-                    }
-                }
-                for (sum, v) in sums.iter_mut().zip(whitened) {
-                    *sum += v * v;
-                }
+            for (sum, v) in sums.iter_mut().zip(whitened) {
+                *sum = multiply_add::<FUSED>(v, v, *sum);
             }
-            sums.map(|sum| *log_volume - 0.5 * sum)
-        })
+        }
+        sums.map(|sum| *log_volume - 0.5 * sum)
     }
 }
 

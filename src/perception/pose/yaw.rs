@@ -8,7 +8,7 @@
 use crate::grid::{Dims, column_sources, for_each_run};
 use crate::linear::LinearError;
 use crate::perception::ColumnSums;
-use crate::perception::density::Whitening;
+use crate::perception::whitening::Whitening;
 use faer::Mat;
 use fixedbitset::FixedBitSet;
 
@@ -44,8 +44,8 @@ impl CommonDensity {
     }
 
     fn whiten(&self, z: &[f32]) -> Vec<f32> {
-        let mut out = Vec::with_capacity(self.rank);
-        self.whitening.apply(z, |value| out.push(value));
+        let mut out = vec![0.0; self.rank];
+        self.whitening.whiten(z, &mut out);
         out
     }
 

@@ -1,28 +1,26 @@
 //! `beo bench query` on the small model, and NumPy's answers to its queries.
 
-use crate::harness::{model, run, shape, text};
+use super::{percentiles, refused, report};
+use crate::harness::{model, shape};
 use crate::real_shapes::skipped;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-fn report(arguments: &[&str]) -> Value {
-    let model = model().to_str().unwrap();
-    let output = run(["bench", "query", "--model", model, "--json", "--repeats", "2"].iter().chain(arguments));
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
+fn query(arguments: &[&str]) -> Value {
+    let common = ["query", "--model", model().to_str().unwrap(), "--repeats", "2"];
+    report(&[&common, arguments].concat())
 }
 
 #[test]
 fn every_kind_of_query_is_measured_and_numpy_gives_the_same_answers() {
-    let report = report(&["--queries", "10"]);
+    let report = query(&["--queries", "10"]);
     let rows = report["rows"].as_array().unwrap();
     let names: BTreeSet<&str> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
     assert_eq!((rows.len(), names.len()), (4 * 2 * 3, 4 * 2 * 3));
     for row in rows {
-        let [p50, p90, p99] = ["p50", "p90", "p99"].map(|p| row["ns"][p].as_f64().unwrap());
-        assert!(0.0 < p50 && p50 <= p90 && p90 <= p99, "{row}");
+        percentiles(&row["us"]);
         assert!(row["floor"]["bytes"].as_f64().unwrap() > 0.0 && row["over_bandwidth"].as_f64().unwrap() > 0.0, "{row}");
-        assert_eq!(row["p50_of_repeats_ns"].as_array().unwrap().len(), 2);
+        assert_eq!(row["p50_of_repeats_us"].as_array().unwrap().len(), 2);
     }
     assert!(report["limits"]["gflops"].as_f64().unwrap() > 0.0 && report["limits"]["memory_gb_s"].as_f64().unwrap() > 0.0);
     let peers = report["peers"].as_array().unwrap();
@@ -45,23 +43,19 @@ fn own_shapes_are_asked_about_and_peers_are_left_out_on_request_or_when_they_are
     let folder = tempfile::tempdir().unwrap();
     let chair = shape(folder.path(), "chair", 77);
     let chair = chair.to_str().unwrap();
-    let alone = report(&[chair, "--alone"]);
+    let alone = query(&[chair, "--alone"]);
     assert_eq!((&alone["queries"], alone["peers"].as_array().unwrap().len()), (&1.into(), 0));
     assert!(alone["skipped"][0].as_str().unwrap().contains("--alone"));
-    let missing = report(&[chair, "--python", "/nonexistent/python"]);
+    let missing = query(&[chair, "--python", "/nonexistent/python"]);
     assert!(missing["skipped"][0].as_str().unwrap().contains("/nonexistent/python"), "{missing}");
 }
 
 #[test]
 fn what_cannot_be_asked_is_said_in_a_line() {
     let model = model().to_str().unwrap();
-    for (arguments, code, message) in [
-        (&["--split", "test"][..], 2, "--split test"),
-        (&["--queries", "0"], 2, "--queries"),
-        (&["/nonexistent.off"], 1, "/nonexistent.off"),
-    ] {
-        let output = run(["bench", "query", "--model", model].iter().chain(arguments));
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
-        assert!(text(&output.stderr).contains(message), "{}", text(&output.stderr));
-    }
+    refused(&[
+        (&["query", "--model", model, "--split", "test"], 2, "--split test"),
+        (&["query", "--queries", "0"], 2, "--queries"),
+        (&["query", "--model", model, "/nonexistent.off"], 1, "/nonexistent.off"),
+    ]);
 }

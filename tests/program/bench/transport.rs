@@ -1,16 +1,16 @@
 //! `beo bench transport` with two real processes and small grids.
 
-use crate::harness::{run, text};
+use super::{all_mapped, nothing_left, percentiles, refused, report};
+use crate::harness::{Running, beo, run, segments, text};
+use rustix::process::Signal;
 use serde_json::Value;
+use std::io::{Seek, Write};
 
 #[test]
 fn every_hand_over_is_measured_in_every_repeat_and_compared() {
     let folder = tempfile::tempdir().unwrap();
     let chart = folder.path().join("chart.png");
-    let arguments = ["bench", "transport", "--sides", "16,8", "--messages", "7", "--repeats", "2", "--json", "--png"];
-    let output = run(arguments.into_iter().chain([chart.to_str().unwrap()]));
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = report(&["transport", "--sides", "16,8", "--messages", "7", "--repeats", "2", "--png", chart.to_str().unwrap()]);
     let cells = report["cells"].as_array().unwrap();
     let of = |way: &str, work: &str, wake: &str| {
         let is = |cell: &&Value| cell["way"] == way && cell["work"] == work && cell["wake"] == wake;
@@ -30,9 +30,8 @@ fn every_hand_over_is_measured_in_every_repeat_and_compared() {
         assert_eq!(of(way, work, wake), [512, 4096], "{way} {work} {wake}");
     }
     for cell in cells {
-        let [p50, p90, p99] = ["p50", "p90", "p99"].map(|p| cell["ns"][p].as_f64().unwrap());
-        assert!(0.0 < p50 && p50 <= p90 && p90 <= p99, "{cell}");
-        assert_eq!(cell["p50_of_repeats_ns"].as_array().unwrap().len(), 2, "{cell}");
+        percentiles(&cell["us"]);
+        assert_eq!(cell["p50_of_repeats_us"].as_array().unwrap().len(), 2, "{cell}");
     }
     for ratio in report["ratios"].as_array().unwrap() {
         let values = ratio["by_size"].as_array().unwrap();
@@ -51,16 +50,36 @@ fn a_table_is_for_people() {
 
 #[test]
 fn what_cannot_be_measured_is_wrong_usage() {
-    for arguments in [["--sides", "7"], ["--sides", "257"], ["--messages", "0"], ["--repeats", "0"]] {
-        let output = run(["bench", "transport"].into_iter().chain(arguments));
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-    }
+    refused(&[
+        (&["transport", "--sides", "7"], 2, "--sides"),
+        (&["transport", "--sides", "257"], 2, "--sides"),
+        (&["transport", "--messages", "0"], 2, "--messages"),
+        (&["transport", "--repeats", "0"], 2, "--repeats"),
+        (&["transport-reader"], 2, "a part of `beo bench transport`"),
+    ]);
 }
 
 #[test]
 fn a_reader_without_its_sender_says_so() {
-    let plan = r#"{"sides":[8],"messages":1,"repeats":1}"#;
-    let output = run(["bench", "transport-reader", "nobody", plan]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("cannot connect to the sender"), "{}", text(&output.stderr));
+    let mut plan = tempfile::tempfile().unwrap();
+    writeln!(plan, r#"{{"name":"nobody","plan":{{"sides":[8],"messages":1,"repeats":1}}}}"#).unwrap();
+    plan.rewind().unwrap();
+    let mut command = beo(["bench", "transport-reader"]);
+    command.stdin(plan);
+    let mut reader = Running::start(command);
+    assert_eq!(reader.wait().code(), Some(1));
+    let message = reader.message();
+    assert!(message.contains("cannot connect to the sender"), "{message}");
+}
+
+#[test]
+fn ctrl_c_ends_both_processes_and_leaves_nothing_behind() {
+    let mut bench = Running::start(beo(["bench", "transport", "--sides", "8", "--messages", "1000000"]));
+    let (reader, mut files) = all_mapped(bench.id(), 1);
+    files.extend(segments(bench.id()));
+    bench.signal(Signal::INT);
+    assert_eq!(bench.wait().code(), Some(1));
+    let messages: Vec<String> = bench.stderr.take().unwrap().iter().collect();
+    assert!(messages.iter().any(|line| line.contains("interrupted")), "{messages:?}");
+    nothing_left(&reader, &files);
 }

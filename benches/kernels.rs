@@ -1,0 +1,162 @@
+//! The kernels of a query one by one, and whole queries, with the shipped model on made-up furniture: one piece of each class in
+//! turn, so that no figure is that of one object. `cargo bench --bench kernels -- --test` runs each once.
+
+use beo::grid::{Dims, Observation, Outside, Rotation, Turn, View, distance_transform, yaw};
+use beo::linear;
+use beo::model::{Model, load};
+use beo::perception::{
+    ClassSubspace, ColumnSums, Conditional, Density, Known, Method, Perceiver, Percept, PoseSearch, Query, RotationPrior,
+};
+use beo::shapes::furniture;
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use faer::Mat;
+use std::hint::black_box;
+use std::sync::Arc;
+
+/// How far the furniture is turned where its pose is to be found, in radians.
+const TURN: f64 = 0.7;
+
+fn shipped() -> Model {
+    load(concat!(env!("CARGO_MANIFEST_DIR"), "/models/modelnet10.safetensors").as_ref()).expect("the shipped model")
+}
+
+/// One piece of furniture of each class, turned about z and seen from above.
+fn seen(dims: Dims, angle: f64) -> Vec<Observation> {
+    let turn = Turn::new(dims, &yaw(angle));
+    let of_class = |class: &&str| View::Top.of(&turn.occupancy(&furniture::make(class, dims, 1).expect("its own class")));
+    furniture::CLASSES.iter().map(of_class).collect()
+}
+
+fn known(observations: &[Observation]) -> Vec<Known> {
+    let read = |observation: &Observation| {
+        let mut known = Known::new(observation.dims());
+        known.read(observation);
+        known
+    };
+    observations.iter().map(read).collect()
+}
+
+/// One after the other, without end.
+fn in_turn<T>(of: &[T]) -> impl Iterator<Item = &T> {
+    of.iter().cycle()
+}
+
+/// Each class given what is known: the Gram matrix of the unknown voxels, the solve, the completion of all voxels.
+fn class(criterion: &mut Criterion) {
+    let model = shipped();
+    let chair = model.class_names().position(|name| name == "chair").expect("a class of the model");
+    let subspace = ClassSubspace::new(model.dims(), &model.basis, &model.classes[chair]);
+    let mut conditional = Conditional::new(subspace.size());
+    let noise = model.metadata.noise_variance * model.metadata.calibration.noise_inflation;
+    let known = known(&seen(model.dims(), 0.0));
+    let mut group = criterion.benchmark_group("class");
+    let mut next = in_turn(&known);
+    group.bench_function("gram of unknown voxels", |b| b.iter(|| subspace.gather(next.next().unwrap(), &mut conditional)));
+    group.bench_function("solve", |b| b.iter(|| subspace.solve(noise, &mut conditional).unwrap()));
+    let mut sum = 0.0;
+    group.bench_function("reconstruct", |b| b.iter(|| subspace.reconstruct(&conditional, |value| sum += value)));
+    group.finish();
+    black_box(sum);
+}
+
+/// Density of the hull's projection: prefix sums of W' over the hull's runs, then one whitening.
+fn hull(criterion: &mut Criterion) {
+    let model = shipped();
+    let sums = ColumnSums::new(model.dims(), &model.basis);
+    let learned = &model.classes[0].hulls[0];
+    let density = Density::new(&learned.mean, &learned.covariance).unwrap();
+    let known = known(&seen(model.dims(), 0.0));
+    let (mut projected, mut centred) = (vec![0.0; model.rank()], vec![0.0; model.rank()]);
+    let mut group = criterion.benchmark_group("hull");
+    let mut next = in_turn(&known);
+    group.bench_function("projection", |b| b.iter(|| sums.project(&next.next().unwrap().hull, &mut projected)));
+    let nu = model.metadata.calibration.degrees_of_freedom;
+    group.bench_function("density", |b| b.iter(|| density.log_student(&projected, nu, &mut centred)));
+    group.finish();
+}
+
+/// Cholesky factorisation and solve, at the sizes of a class basis and of the shared one.
+fn cholesky(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("cholesky");
+    for size in [32, 318] {
+        let matrix = Mat::from_fn(size, size, |i, j| if i == j { 2.0 } else { 1.0 / (1.0 + i.abs_diff(j) as f64).powi(2) });
+        let mut factor = matrix.clone();
+        group.bench_function(BenchmarkId::new("factor", size), |b| {
+            b.iter(|| {
+                factor.copy_from(&matrix);
+                linear::cholesky(&mut factor).unwrap();
+            })
+        });
+        let mut x = vec![1.0; size];
+        group.bench_function(BenchmarkId::new("solve", size), |b| {
+            b.iter(|| {
+                x.fill(1.0);
+                linear::solve_cholesky(&factor, &mut x);
+            })
+        });
+    }
+    group.finish();
+}
+
+/// Distance transforms and turned grids.
+fn grids(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("grid");
+    for side in [30, 64] {
+        let dims = Dims::cube(side).unwrap();
+        let observations = seen(dims, 0.0);
+        let mut out = Vec::new();
+        let mut next = in_turn(&observations);
+        group.bench_function(BenchmarkId::new("distance transform", side), |b| {
+            b.iter(|| distance_transform(dims, next.next().unwrap().filled(), &mut out))
+        });
+        let rotation = Rotation::from_euler_angles(0.4, -0.2, TURN);
+        group.bench_function(BenchmarkId::new("turn, prepared", side), |b| b.iter(|| Turn::new(dims, black_box(&rotation))));
+        let turn = Turn::new(dims, &rotation);
+        let mut next = in_turn(&observations);
+        group
+            .bench_function(BenchmarkId::new("turn, applied", side), |b| b.iter(|| turn.observation(next.next().unwrap(), Outside::Empty)));
+    }
+    group.finish();
+}
+
+/// Whole queries, and of those in known pose the parts: the class alone, by the lasso of the paper, the completion.
+fn query(criterion: &mut Criterion) {
+    let perceiver = Perceiver::new(Arc::new(shipped())).unwrap();
+    let dims = perceiver.model().dims();
+    let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+    let (upright, turned) = (seen(dims, 0.0), seen(dims, TURN));
+    let tracked = RotationPrior::around(yaw(TURN), 32.8);
+    let known = Query { completion: true, ..Query::default() };
+    let yaw = Query { pose: PoseSearch::YAW, ..known.clone() };
+    let mut group = criterion.benchmark_group("query");
+    for (name, query, observations) in [
+        ("known pose", known.clone(), &upright),
+        ("known pose, class alone", Query { completion: false, ..known.clone() }, &upright),
+        ("known pose, class alone, by the lasso", Query { completion: false, method: Method::Paper, ..known.clone() }, &upright),
+        ("yaw", yaw.clone(), &turned),
+        ("yaw, tracked", Query { rotation_prior: tracked, ..yaw }, &turned),
+        ("any rotation", Query { pose: PoseSearch::Full, ..known.clone() }, &turned),
+    ] {
+        let mut next = in_turn(observations);
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                perceiver.classify(next.next().unwrap(), &query, &mut work, &mut percept).unwrap();
+                if query.completion {
+                    perceiver.complete(&query, &mut work, &mut percept).unwrap();
+                }
+            })
+        });
+    }
+    perceiver.classify(&upright[2], &known, &mut work, &mut percept).unwrap();
+    group.bench_function("completion", |b| b.iter(|| perceiver.complete(&known, &mut work, &mut percept).unwrap()));
+    group.finish();
+}
+
+/// Few samples: what is compared are medians, and a search over rotations takes its time.
+fn settings() -> Criterion {
+    let times = std::time::Duration::from_secs;
+    Criterion::default().sample_size(20).warm_up_time(times(1)).measurement_time(times(2))
+}
+
+criterion_group!(name = kernels; config = settings(); targets = class, hull, cholesky, grids, query);
+criterion_main!(kernels);

@@ -1,0 +1,68 @@
+//! The stamps of one observation.
+
+use serde::{Deserialize, Serialize};
+
+/// The stages in order, by name. `due` is when the schedule wanted the observation sent; the last is stamped by the reader.
+pub const STAGES: [&str; 9] = ["due", "written", "received", "projected", "classified", "posed", "completed", "published", "read"];
+
+/// What a reader notes of one percept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Record {
+    /// The observation's number.
+    pub sequence: u64,
+    /// Whether it came after the warm-up.
+    pub counted: bool,
+    /// The percept's status.
+    pub status: u32,
+    /// When each stage was done, CLOCK_MONOTONIC; 0 if it was not.
+    pub stamps_ns: [u64; STAGES.len()],
+}
+
+impl Record {
+    /// From when it was due to when it was read.
+    pub fn latency_ns(&self) -> u64 {
+        self.between(0, STAGES.len() - 1)
+    }
+
+    /// From when it was written to when it was read: without what was due but could not be written.
+    pub fn latency_from_write_ns(&self) -> u64 {
+        self.between(1, STAGES.len() - 1)
+    }
+
+    /// What each stage after the first took.
+    pub fn stages_ns(&self) -> [u64; STAGES.len() - 1] {
+        std::array::from_fn(|stage| self.between(stage, stage + 1))
+    }
+
+    /// Whether every stage ran.
+    pub fn is_complete(&self) -> bool {
+        self.status == 0 && self.stamps_ns.iter().all(|stamp| *stamp != 0)
+    }
+
+    /// Whether no stage ended before the one before it.
+    pub fn is_in_order(&self) -> bool {
+        self.stamps_ns.is_sorted()
+    }
+
+    fn between(&self, from: usize, to: usize) -> u64 {
+        self.stamps_ns[to].saturating_sub(self.stamps_ns[from])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_add_up_to_the_latency() {
+        let good = Record { sequence: 1, counted: true, status: 0, stamps_ns: [10, 20, 40, 70, 110, 160, 220, 290, 370] };
+        assert_eq!(good.stages_ns(), [10, 20, 30, 40, 50, 60, 70, 80]);
+        assert_eq!((good.latency_ns(), good.latency_from_write_ns()), (360, 350));
+        assert_eq!(good.stages_ns().iter().sum::<u64>(), good.latency_ns());
+        assert!(good.is_complete() && good.is_in_order());
+        let mut other = good;
+        other.stamps_ns[6] = 0;
+        assert!(!other.is_complete() && !other.is_in_order());
+        assert!(!Record { status: 1, ..good }.is_complete());
+    }
+}

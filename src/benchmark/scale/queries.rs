@@ -1,0 +1,55 @@
+//! The queries of one case, timed stage by stage.
+
+use crate::grid::Observation;
+use crate::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query, Workspace};
+use rayon::ThreadPool;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Stages of a query whose times are told apart.
+pub const STAGES: [&str; 3] = ["class", "completion", "yaw"];
+
+/// A model that is asked.
+pub struct Asked {
+    perceiver: Arc<Perceiver>,
+    observations: Vec<Observation>,
+    work: Workspace,
+    percept: Percept,
+    next: usize,
+    /// Where it computes; `None` for the threads that all share.
+    threads: Option<ThreadPool>,
+}
+
+impl Asked {
+    /// Asks about these observations, one after the other.
+    pub fn new(perceiver: Arc<Perceiver>, observations: Vec<Observation>, threads: Option<ThreadPool>) -> Self {
+        Self { work: perceiver.workspace(), perceiver, observations, percept: Percept::default(), next: 0, threads }
+    }
+
+    /// Microseconds of each of [`STAGES`], for the next observation: class in known pose, its completion, class and yaw.
+    pub fn once(&mut self) -> Result<Vec<f64>, PerceiveError> {
+        let Self { perceiver, observations, work, percept, next, threads } = self;
+        let observation = &observations[*next];
+        *next = (*next + 1) % observations.len();
+        let mut ask = || {
+            let (known, yaw) = (Query::default(), Query { pose: PoseSearch::YAW, ..Query::default() });
+            let start = Instant::now();
+            perceiver.classify(observation, &known, work, percept)?;
+            let classified = Instant::now();
+            perceiver.complete(&known, work, percept)?;
+            let completed = Instant::now();
+            perceiver.classify(observation, &yaw, work, percept)?;
+            let posed = Instant::now();
+            Ok([(start, classified), (classified, completed), (completed, posed)].map(|(from, to)| microseconds(from, to)).into())
+        };
+        match threads {
+            Some(threads) => threads.install(ask),
+            None => ask(),
+        }
+    }
+}
+
+/// From one instant to another.
+pub fn microseconds(from: Instant, to: Instant) -> f64 {
+    (to - from).as_secs_f64() * 1e6
+}

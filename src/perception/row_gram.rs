@@ -1,0 +1,90 @@
+//! Gram matrices of rows of a few dozen values: Σ rowᵀrow, lower triangle, packed row after row.
+
+use super::lanes::{Kernel, LANES, load, multiply_add};
+use std::ops::Range;
+
+/// Rows of the triangle that are summed together.
+const GROUP: usize = 4;
+
+/// Where entry (i, j), j ≤ i, of a packed lower triangle lies.
+#[inline(always)]
+pub fn packed(i: usize, j: usize) -> usize {
+    i * (i + 1) / 2 + j
+}
+
+/// Values of a packed lower triangle with `width` rows.
+pub fn packed_len(width: usize) -> usize {
+    width * (width + 1) / 2
+}
+
+/// Adds Σ rowᵀrow to `out`; products are summed in single precision, so give it no more than a few hundred rows at a time.
+pub struct AddGram<'a> {
+    /// The rows, `stride` values each, of which the first `width` count. The stride is a multiple of [`LANES`].
+    pub rows: &'a [f32],
+    /// Values from row to row.
+    pub stride: usize,
+    /// Values of a row that count.
+    pub width: usize,
+    /// A packed lower triangle.
+    pub out: &'a mut [f64],
+}
+
+impl Kernel for AddGram<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { rows, stride, width, out } = self;
+        for first in (0..width).step_by(GROUP) {
+            let group = first..(first + GROUP).min(width);
+            for from in (0..group.end).step_by(LANES) {
+                let mut sums = [[0.0_f32; LANES]; GROUP];
+                for row in rows.chunks_exact(stride) {
+                    let b = load(&row[from..]);
+                    let a: &[f32; GROUP] = row[first..].first_chunk().expect("strides are whole groups");
+                    for g in 0..GROUP {
+                        for l in 0..LANES {
+                            sums[g][l] = multiply_add::<FUSED>(a[g], b[l], sums[g][l]);
+                        }
+                    }
+                }
+                for (i, sums) in group.clone().zip(&sums) {
+                    let to = packed(i, from)..packed(i, (from + LANES - 1).min(i)) + 1;
+                    for (out, sum) in out[to].iter_mut().zip(sums) {
+                        *out += f64::from(*sum);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Adds rowᵀrow of some voxels to a packed lower triangle, in double precision.
+pub fn add_outer(sum: &mut [f64], rows: &[f32], stride: usize, width: usize, voxels: Range<usize>) {
+    for row in rows[voxels.start * stride..voxels.end * stride].chunks_exact(stride.max(1)) {
+        for i in 0..width {
+            let factor = f64::from(row[i]);
+            sum[packed(i, 0)..=packed(i, i)].iter_mut().zip(row).for_each(|(sum, v)| *sum += factor * f64::from(*v));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perception::lanes::dispatch;
+
+    #[test]
+    fn the_kernel_sums_as_the_plain_loops_do() {
+        for width in [1, 3, 4, 15, 16, 17, 32, 41] {
+            let stride = usize::next_multiple_of(width, LANES);
+            let rows: Vec<f32> = (0..57 * stride).map(|i| ((i * 7919 % 1009) as f32 / 1009.0) - 0.4).collect();
+            let (mut found, mut expected) = (vec![1.0; packed_len(width)], vec![1.0; packed_len(width)]);
+            dispatch(AddGram { rows: &rows, stride, width, out: &mut found });
+            add_outer(&mut expected, &rows, stride, width, 0..57);
+            for (a, b) in found.iter().zip(&expected) {
+                assert!((a - b).abs() < 1e-4, "{width}: {a} {b}");
+            }
+        }
+    }
+}

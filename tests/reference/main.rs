@@ -1,0 +1,18 @@
+//! The queries once more, as plainly as the equations read: every matrix dense and in double precision, every voxel one row,
+//! nothing shared with `beo::perception` but the model. What is rewritten for speed has to agree with it.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `class` | the model's numbers as dense matrices: densities, and each class conditioned on known voxels |
+//! | `known_pose` | class posterior and completion of an observation that stands as the training shapes do |
+//! | `every_degree` | class and yaw by the hull's density at every whole degree |
+//! | `observations` | what is asked: furniture from above and from other sides, voxels at random, real shapes |
+//! | `agreement` | the tests: the fast answers beside these |
+//!
+//! Formulas are those of `models/README.md`.
+
+mod agreement;
+mod class;
+mod every_degree;
+mod known_pose;
+mod observations;
