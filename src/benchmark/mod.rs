@@ -5,6 +5,7 @@
 //! | `machine` | which machine, and how idle it was |
 //! | `limits` | what no computation on it exceeds |
 //! | `cores` | which process runs on which core |
+//! | `wake` | how a process learns that something has come |
 //! | `percentiles` | HdrHistogram percentiles, medians over runs |
 //! | `latency` | producer, daemon and readers as separate processes, every stage stamped |
 //! | `transport` | grids handed from process to process, by our channels and by others |
@@ -21,3 +22,4 @@ pub mod percentiles;
 pub mod query;
 pub mod scale;
 pub mod transport;
+pub mod wake;

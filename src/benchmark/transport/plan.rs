@@ -1,5 +1,6 @@
 //! What is handed over, how, how often, in which order. Both processes follow the same plan, so they need not talk about it.
 
+pub use crate::benchmark::wake::Wake;
 use serde::{Deserialize, Serialize};
 
 /// A means of handing a grid to another process.
@@ -28,16 +29,6 @@ pub enum Work {
     Sum,
     /// The sender writes every byte, the reader does what our daemon does: it checks and copies them in one pass.
     Validate,
-}
-
-/// How the reader learns of a grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Wake {
-    /// It sleeps until it is woken.
-    Event,
-    /// It looks again and again.
-    Polling,
 }
 
 /// One kind of hand-over.
