@@ -1,7 +1,7 @@
 //! Other processes of this program: started, listened to, asked to end, and killed by their id if they do not.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
@@ -90,7 +90,7 @@ impl Process {
     ///
     /// # Errors
     /// [`ProcessError::Stream`].
-    pub fn output(&mut self) -> Result<impl Read + use<>, ProcessError> {
+    pub fn output(&mut self) -> Result<ChildStdout, ProcessError> {
         self.child.stdout.take().ok_or(ProcessError::Stream(self.name))
     }
 
@@ -111,6 +111,11 @@ impl Process {
         let (sender, receiver) = channel();
         std::thread::spawn(move || output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
         Ok(receiver)
+    }
+
+    /// Whether it runs, as far as the system says.
+    pub fn is_running(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(None))
     }
 
     /// Asks it to end, as Ctrl-C would.
@@ -141,7 +146,7 @@ impl Process {
 impl Drop for Process {
     /// As Ctrl-C first: a process that is killed leaves its shared memory behind.
     fn drop(&mut self) {
-        if !matches!(self.child.try_wait(), Ok(None)) {
+        if !self.is_running() {
             return;
         }
         self.interrupt();
@@ -169,7 +174,9 @@ mod tests {
         let mut bad = shell("exit 3");
         let message = bad.finish(GRACE).unwrap_err().to_string();
         assert!(message.contains("sh ended with exit status: 3"), "{message}");
+        assert!(!bad.is_running());
         let mut slow = shell("read line");
+        assert!(slow.is_running());
         assert!(matches!(slow.finish(Duration::from_millis(30)), Err(ProcessError::Hung { .. })));
         let message = Process::start("none", &mut Command::new("/nonexistent")).map(|_| ()).unwrap_err().to_string();
         assert!(message.contains("cannot start none"), "{message}");

@@ -34,10 +34,30 @@ pub const LAYOUT_ATTRIBUTE: &str = "beo.layout";
 pub const MAX_HELD_SAMPLES: usize = 2;
 
 /// Readers of observations: the daemon, and one more (a recorder).
-pub(crate) const OBSERVATION_READERS: usize = 2;
+pub const OBSERVATION_READERS: usize = 2;
+
+/// Observations that wait for the daemon, per producer, as long as they are small.
+const OBSERVATION_BUFFER: usize = 16;
+
+/// Bytes that the waiting observations of one producer may take before fewer are kept.
+const OBSERVATION_BUDGET: usize = 16 << 20;
 
 /// Loans of one producer or of the daemon that are possible whatever the readers hold.
 pub(crate) const LOANS: usize = 2;
+
+/// Observations of this many voxels that wait for the daemon, per producer.
+pub const fn observation_buffer(voxels: usize) -> usize {
+    match OBSERVATION_BUDGET / voxels {
+        0..=2 => 2,
+        fit if fit < OBSERVATION_BUFFER => fit,
+        _ => OBSERVATION_BUFFER,
+    }
+}
+
+/// Chunks of the segment of a producer of observations of this many voxels.
+pub const fn observation_chunks(voxels: usize) -> usize {
+    OBSERVATION_READERS * (observation_buffer(voxels) + MAX_HELD_SAMPLES) + LOANS
+}
 
 /// How long creating or removing a service by someone else is waited for.
 const PATIENCE: Duration = Duration::from_secs(2);

@@ -117,10 +117,14 @@ impl Producer {
     ///
     /// # Errors
     /// [`LoanError::NoFreeChunk`] if more loans are held than there is memory for.
+    #[inline]
     pub fn loan(&self) -> Result<Loan, LoanError> {
         let sample = self.publisher.loan_slice_uninit(self.voxels).map_err(|error| channel::loan_error(error, self.voxels, self.voxels))?;
         let mut sample = with_old_content(sample);
-        *sample.user_header_mut() = ObservationHeader { capture_ns: monotonic_ns(), ..self.template };
+        let header = sample.user_header_mut();
+        // The template first: its cache lines come from the reader's core while the clock is read.
+        *header = self.template;
+        header.capture_ns = monotonic_ns();
         Ok(Loan { sample, outlet: self.outlet.clone() })
     }
 
@@ -153,6 +157,7 @@ pub struct Sent {
 impl Loan {
     /// The voxels: one byte each, 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`, z fastest. They hold whatever was in the memory
     /// before: write all of them.
+    #[inline]
     pub fn voxels_mut(&mut self) -> &mut [u8] {
         self.sample.payload_mut()
     }
@@ -163,6 +168,7 @@ impl Loan {
     }
 
     /// The header that travels with the voxels, to be changed; `sequence` and `written_ns` are set by [`Loan::send`].
+    #[inline]
     pub fn header_mut(&mut self) -> &mut ObservationHeader {
         self.sample.user_header_mut()
     }
@@ -172,6 +178,7 @@ impl Loan {
     /// # Errors
     /// [`SendError::ProducerGone`] if the producer was dropped since;
     /// [`SendError::Failed`] if iceoryx2 could not deliver it.
+    #[inline]
     pub fn send(mut self) -> Result<Sent, SendError> {
         let sequence = self.outlet.sent.fetch_add(1, Ordering::Relaxed) + 1;
         let header = self.sample.user_header_mut();

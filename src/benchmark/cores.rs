@@ -12,18 +12,18 @@ pub fn usable() -> Vec<usize> {
     (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect()
 }
 
-/// Runs `start` with this thread on `cores`: what it starts stays there.
+/// Runs `work` with this thread on `cores`, on which whatever it starts stays.
 ///
 /// # Errors
-/// What the system said if it does not allow these cores, and whatever `start` returns.
-pub fn start_on<T, E: From<std::io::Error>>(cores: &[usize], start: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
+/// What the system said if it does not allow these cores, and whatever `work` returns.
+pub fn pin<T, E: From<std::io::Error>>(cores: &[usize], work: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
     let before = sched_getaffinity(None).map_err(std::io::Error::from)?;
     let mut set = CpuSet::new();
     cores.iter().for_each(|core| set.set(*core));
     sched_setaffinity(None, &set).map_err(std::io::Error::from)?;
-    let started = start();
+    let done = work();
     sched_setaffinity(None, &before).map_err(std::io::Error::from)?;
-    started
+    done
 }
 
 /// Cores of each process.
@@ -97,8 +97,8 @@ mod tests {
     fn what_is_started_stays_on_its_cores_and_we_go_back() {
         let before = usable();
         let last = *before.last().unwrap();
-        let inside = start_on(&[last], || Ok::<_, std::io::Error>(usable())).unwrap();
+        let inside = pin(&[last], || Ok::<_, std::io::Error>(usable())).unwrap();
         assert_eq!((inside, usable()), (vec![last], before));
-        assert!(start_on(&[], || Ok::<_, std::io::Error>(())).is_err());
+        assert!(pin(&[], || Ok::<_, std::io::Error>(())).is_err());
     }
 }

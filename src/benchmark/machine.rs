@@ -15,6 +15,8 @@ pub struct Machine {
     pub cpu: String,
     /// Cores that this process may use.
     pub cores: usize,
+    /// Bytes of the largest cache; 0 where the kernel does not say.
+    pub cache_bytes: usize,
     /// The kernel's name and release.
     pub kernel: String,
     /// How the clock rate is chosen, where the kernel says.
@@ -33,6 +35,7 @@ impl Machine {
         Self {
             cpu: cpu_name(&cpuinfo).unwrap_or("unknown").to_owned(),
             cores: super::cores::usable().len(),
+            cache_bytes: (0..4).filter_map(cache_bytes).max().unwrap_or(0),
             kernel: format!("Linux {}", release.trim()),
             governor: governor.map(|text| text.trim().to_owned()),
             load_average: load.split_whitespace().next().and_then(|text| text.parse().ok()),
@@ -56,6 +59,21 @@ impl Machine {
         }
         warnings
     }
+}
+
+impl std::fmt::Display for Machine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { cpu, cores, cache_bytes, kernel, governor, load_average } = self;
+        let governor = governor.as_deref().unwrap_or("not told");
+        let load = load_average.map_or("not told".into(), |load| format!("{load:.2}"));
+        write!(f, "{cpu}, {cores} cores, {} MB of cache, {kernel}, governor {governor}, load average {load}", cache_bytes >> 20)
+    }
+}
+
+/// Of the first core's cache with this index.
+fn cache_bytes(index: usize) -> Option<usize> {
+    let size = read_to_string(format!("/sys/devices/system/cpu/cpu0/cache/index{index}/size")).ok()?;
+    Some(size.trim().strip_suffix('K')?.parse::<usize>().ok()? << 10)
 }
 
 fn cpu_name(cpuinfo: &str) -> Option<&str> {
@@ -107,6 +125,48 @@ impl Activity {
     }
 }
 
+/// The machine while something was measured on it; every report says it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Circumstances {
+    /// The machine.
+    pub machine: Machine,
+    /// What should make a reader doubt.
+    pub warnings: Vec<String>,
+    /// Who else used the machine during the runs.
+    pub others: Option<Others>,
+}
+
+/// Who uses the machine from now on.
+pub struct Watch {
+    machine: Machine,
+    before: Option<Activity>,
+}
+
+impl Watch {
+    /// From before anything is started.
+    pub fn start() -> Self {
+        Self { machine: Machine::describe(), before: Activity::now() }
+    }
+
+    /// The machine that is watched.
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// Up to now.
+    pub fn end(self) -> Circumstances {
+        let others = self.before.zip(Activity::now()).map(|(before, after)| after.others_since(&before));
+        Circumstances { warnings: self.machine.warnings(others), machine: self.machine, others }
+    }
+}
+
+impl Circumstances {
+    /// The warnings as lines of a report.
+    pub fn warning_lines(&self) -> String {
+        self.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_busy_machine_is_warned_of() {
-        let idle = Machine { cpu: String::new(), cores: 1, kernel: String::new(), governor: None, load_average: Some(0.1) };
+        let idle = Machine { load_average: Some(0.1), ..Machine::describe() };
         assert!(idle.warnings(Some(Others { processes: 0.01, stolen: 0.0 })).is_empty());
         let busy = Machine { load_average: Some(2.5), ..idle };
         let warnings = busy.warnings(Some(Others { processes: 0.4, stolen: 0.2 }));
@@ -135,6 +195,9 @@ mod tests {
     fn the_processor_is_named() {
         assert_eq!(cpu_name("processor : 0\nmodel name\t: A CPU @ 2 GHz\n"), Some("A CPU @ 2 GHz"));
         assert_eq!(cpu_name(""), None);
-        assert!(Machine::describe().cores >= 1);
+        let machine = Watch::start().end().machine;
+        assert!(machine.cores >= 1);
+        let text = Machine { cache_bytes: 32 << 20, load_average: Some(0.25), ..machine.clone() }.to_string();
+        assert!(text.starts_with(&machine.cpu) && text.contains("32 MB of cache") && text.ends_with("load average 0.25"), "{text}");
     }
 }

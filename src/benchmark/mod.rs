@@ -1,15 +1,25 @@
-//! Measurements of speed, and what they need to be believed: the machine, who shares a core, what else ran.
+//! Measurements of speed, and what they need to be believed: the machine and its limits, who shares a core, what else ran.
 //!
 //! | file | what |
 //! | --- | --- |
 //! | `machine` | which machine, and how idle it was |
+//! | `limits` | what no computation on it exceeds |
 //! | `cores` | which process runs on which core |
+//! | `wake` | how a process learns that something has come |
 //! | `percentiles` | HdrHistogram percentiles, medians over runs |
 //! | `latency` | producer, daemon and readers as separate processes, every stage stamped |
+//! | `transport` | grids handed from process to process, by our channels and by others |
+//! | `query` | the compute of queries alone, beside peers that do the same work |
 //! | `scale` | how a query grows with classes, components, resolution, hidden voxels, threads, subscribers |
+//!
+//! What is compared is measured in one run, in turns: other work on the machine slows all of it alike.
 
 pub mod cores;
 pub mod latency;
+pub mod limits;
 pub mod machine;
 pub mod percentiles;
+pub mod query;
 pub mod scale;
+pub mod transport;
+pub mod wake;

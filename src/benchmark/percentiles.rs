@@ -1,7 +1,8 @@
 //! Percentiles of times by HdrHistogram: three significant digits, from a nanosecond to minutes.
 
+use crate::evaluation::metrics::percentile;
 use hdrhistogram::Histogram;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Longest time that is told apart, ten minutes; what is longer counts as this long.
 const LONGEST_NS: u64 = 600_000_000_000;
@@ -17,7 +18,7 @@ pub fn histogram(times_ns: impl IntoIterator<Item = u64>) -> Histogram<u64> {
 }
 
 /// Percentiles in microseconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
     /// How many times they are of.
     pub count: u64,
@@ -47,6 +48,11 @@ impl Percentiles {
         [self.p50, self.p90, self.p99, self.p99_9, self.p99_99, self.max]
     }
 
+    /// Of some times in nanoseconds.
+    pub fn of_times(times_ns: impl IntoIterator<Item = u64>) -> Self {
+        Self::of(&histogram(times_ns))
+    }
+
     /// The median of each over several runs; the counts are added.
     pub fn median(runs: &[Self]) -> Self {
         let of = |field: fn(&Self) -> f64| median(runs.iter().map(field));
@@ -64,13 +70,12 @@ impl Percentiles {
 
 /// The median, of an even number the mean of the middle two; 0 of none.
 pub fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => 0.0,
-        _ => (values[(n - 1) / 2] + values[n / 2]) / 2.0,
-    }
+    percentile(&values.collect::<Vec<_>>(), 50.0)
+}
+
+/// The median over repeats of the ratio of what was measured in the same repeat.
+pub fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
+    median(above.iter().zip(below).map(|(a, b)| a / b))
 }
 
 #[cfg(test)]
@@ -80,13 +85,20 @@ mod tests {
     #[test]
     fn percentiles_have_three_digits() {
         // Of 100,000 times, the nth from the top is 1 s / n.
-        let percentiles = Percentiles::of(&histogram((1..=100_000).map(|n| 1_000_000_000 / n)));
+        let percentiles = Percentiles::of_times((1..=100_000).map(|n| 1_000_000_000 / n));
         let expected = [50_001, 10_001, 1_001, 101, 11, 1].map(|n| 1e6 / f64::from(n));
         assert_eq!(percentiles.count, 100_000);
         for (value, expected) in percentiles.values().into_iter().zip(expected) {
             assert!((value / expected - 1.0).abs() < 2e-3, "{value} {expected}");
         }
-        assert_eq!(Percentiles::of(&histogram([])), Percentiles::default());
+        assert_eq!(Percentiles::of_times([]), Percentiles::default());
+    }
+
+    #[test]
+    fn ratios_are_of_the_same_repeat() {
+        // One repeat that disturbed both, one that disturbed one.
+        assert_eq!(median_ratio(&[2.0, 20.0, 2.0], &[1.0, 10.0, 1.0]), 2.0);
+        assert_eq!(median_ratio(&[2.0, 2.0, 90.0], &[1.0, 1.0, 1.0]), 2.0);
     }
 
     #[test]

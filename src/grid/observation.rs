@@ -20,6 +20,15 @@ pub struct Observation {
     filled: FixedBitSet,
 }
 
+/// The lowest bit of each of eight bytes.
+const LOWEST_BITS: u64 = 0x0101_0101_0101_0101;
+
+/// The lowest bits of eight bytes, side by side; their other bits are 0.
+const fn gathered(bytes: u64) -> u8 {
+    // Bit 8 i, times 2^(56 - 7 i), is bit 56 + i; no other product reaches the highest byte.
+    (bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
+}
+
 /// Bytes that are not an observation.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ObservationError {
@@ -79,17 +88,20 @@ impl Observation {
         for (w, ((known, filled), chunk)) in words.zip(bytes.chunks(WORD)).enumerate() {
             let mut copy = [UNKNOWN; WORD];
             copy[..chunk.len()].copy_from_slice(chunk);
-            let (mut is_known, mut is_filled, mut is_wrong) = (0, 0, 0);
-            for (bit, &code) in copy.iter().enumerate() {
-                is_known |= usize::from(code != UNKNOWN) << bit;
-                is_filled |= usize::from(code == FILLED) << bit;
-                is_wrong |= usize::from(code != UNKNOWN && code > FILLED) << bit;
+            let (mut unknown, mut marked, mut wrong) = (0, 0, 0);
+            for (eight, codes) in copy.as_chunks::<8>().0.iter().enumerate() {
+                let codes = u64::from_le_bytes(*codes);
+                // 255 has both of these bits, 1 the first, 0 none; and what is left of another code is not nothing.
+                let (first, last) = (codes & LOWEST_BITS, (codes >> 7) & LOWEST_BITS);
+                wrong |= codes ^ ((last * 255) | first);
+                marked |= (gathered(first) as usize) << (8 * eight);
+                unknown |= (gathered(last) as usize) << (8 * eight);
             }
-            if is_wrong != 0 {
-                let bit = is_wrong.trailing_zeros() as usize;
+            if wrong != 0 {
+                let bit = copy.iter().position(|code| ![EMPTY, FILLED, UNKNOWN].contains(code)).unwrap_or(0);
                 return Err(ObservationError::Code { voxel: self.dims.coordinates(w * WORD + bit), code: copy[bit] });
             }
-            (*known, *filled) = (is_known, is_filled);
+            (*known, *filled) = (!unknown, marked & !unknown);
         }
         Ok(())
     }
@@ -162,6 +174,19 @@ mod tests {
         let error = Observation::from_bytes(dims, &bytes).unwrap_err();
         assert_eq!(error, ObservationError::Code { voxel: [2, 3, 4], code: 2 });
         assert_eq!(error.to_string(), "voxel (2, 3, 4) holds 2: write 0 for empty, 1 for filled, 255 for unknown");
+    }
+
+    #[test]
+    fn every_other_code_is_refused_wherever_it_stands() {
+        let dims = Dims::new(8, 9, 11).unwrap();
+        for code in 2..=254 {
+            for index in (code as usize..dims.voxels()).step_by(101).chain([dims.voxels() - 1]) {
+                let mut bytes: Vec<u8> = (0..dims.voxels()).map(|v| [EMPTY, FILLED, UNKNOWN][v % 3]).collect();
+                bytes[index] = code;
+                let voxel = dims.coordinates(index);
+                assert_eq!(Observation::from_bytes(dims, &bytes), Err(ObservationError::Code { voxel, code }));
+            }
+        }
     }
 
     #[test]

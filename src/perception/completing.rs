@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Classes below this posterior take no part in a completion …
-const LEAST_SHARE: f64 = 0.05;
+pub(crate) const LEAST_SHARE: f64 = 0.05;
 /// … and no more than this many do.
-const MOST_PARTS: usize = 3;
+pub(crate) const MOST_PARTS: usize = 3;
 
 /// Layers of constant x that one task completes.
 const SLAB: usize = 4;

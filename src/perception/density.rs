@@ -22,6 +22,11 @@ impl Density {
         Ok(Self { mean: mean.to_vec(), whitening, log_volume: -0.5 * log_determinant(factor.as_ref()) })
     }
 
+    /// Bytes that scoring a vector of `rank` values reads.
+    pub fn bytes(rank: usize) -> usize {
+        rank * size_of::<f32>() + Whitening::bytes(rank)
+    }
+
     /// Squared Mahalanobis distance of `z` from the mean; `centred` is scratch of a values.
     pub fn distance2(&self, z: &[f32], centred: &mut [f32]) -> f64 {
         for ((out, z), mean) in centred.iter_mut().zip(z).zip(&self.mean) {
@@ -90,11 +95,11 @@ mod tests {
         let mut scratch = [0.0; 3];
         let both = density.distances2(MatRef::from_row_major_slice(&[1.0, -0.5, 0.25, 0.2, 0.4, -1.0], 2, 3));
         assert!(both[0].abs() < 1e-6 && (both[1] - density.distance2(&z, &mut scratch)).abs() < 1e-5, "{both:?}");
-        // scipy.stats.multivariate_normal.logpdf(z, mean, cov) and multivariate_t.logpdf(z, loc, shape, df=5)
+        // scipy.stats.multivariate_normal.logpdf(z, mean, cov) and multivariate_t.logpdf(z, loc, shape, df=5); L⁻¹ is kept in 16 bits.
         let gaussian = density.log_gaussian(&z, &mut scratch) - 1.5 * std::f64::consts::TAU.ln();
-        assert!((gaussian + 4.081236639).abs() < 1e-6, "{gaussian}");
+        assert!((gaussian + 4.081236639).abs() < 5e-5, "{gaussian}");
         let constant = -2.624175099;
         let student = density.log_student(&z, 5.0, &mut scratch) + constant;
-        assert!((student + 4.321595648).abs() < 1e-6, "{student}");
+        assert!((student + 4.321595648).abs() < 5e-5, "{student}");
     }
 }

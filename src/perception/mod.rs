@@ -41,6 +41,7 @@ mod tiles;
 mod timings;
 mod whitening;
 
+pub(crate) use completing::{LEAST_SHARE, MOST_PARTS};
 pub use density::Density;
 pub use known::Known;
 pub use method::Method;

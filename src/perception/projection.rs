@@ -68,6 +68,14 @@ impl ColumnSums {
         2 * dims.voxels() * rank.next_multiple_of(LANES)
     }
 
+    /// Rows that projecting these bits reads, and the bytes of them where W' has `width` columns: of a run its uppermost row, and the one
+    /// below it if it does not stand on the ground.
+    pub fn read_of(dims: Dims, width: usize, bits: &FixedBitSet) -> (usize, usize) {
+        let mut rows = 0;
+        for_each_run(bits, dims, 0..dims.columns(), |start, _| rows += 1 + usize::from(!start.is_multiple_of(dims.z())));
+        (rows, rows * width * size_of::<i16>())
+    }
+
     /// W'ᵀx of the binary vector with these bits, into `out` (a values).
     pub fn project(&self, bits: &FixedBitSet, out: &mut [f32]) {
         dispatch(AddBits(Sum::new(self, out), bits));
@@ -178,6 +186,9 @@ mod tests {
         let basis = Basis::new(3, rows);
         let mut bits = FixedBitSet::with_capacity(dims.voxels());
         (0..dims.voxels()).filter(|v| v * v % 7 < 4).for_each(|v| bits.insert(v));
+        let runs = (0..dims.columns()).map(|c| (c * 11..c * 11 + 11).map(|v| bits.contains(v)).collect::<Vec<_>>());
+        let rows: usize = runs.map(|column| column.windows(2).filter(|w| w[0] != w[1]).count() + usize::from(column[10])).sum();
+        assert_eq!(ColumnSums::read_of(dims, 3, &bits), (rows, rows * 6));
         let mut out = [f32::NAN; 3];
         ColumnSums::new(dims, &basis).project(&bits, &mut out);
         for (h, value) in out.iter().enumerate() {

@@ -119,6 +119,26 @@ impl ClassSubspace {
         2 * (dims.voxels() * stride(size) + Columns::values(dims, size)) + 4 * Tiling::new(dims).cells() * packed_len(size + 2)
     }
 
+    /// Bytes that conditioning a class with `size` directions reads: sums of whole levels, rows of the other unknown voxels and of the
+    /// filled ones, the Gram matrix over all voxels.
+    pub fn bytes_to_condition(size: usize, known: &Known) -> usize {
+        let rest: usize = known.division.rest.iter().map(|(start, end)| end - start).sum();
+        let rows = (rest + known.filled.len()) * stride(size);
+        packed_len(size + 2) * (known.division.levels.len() * size_of::<f32>() + size_of::<f64>()) + rows * size_of::<i16>()
+    }
+
+    /// Blocks of voxels that completing with a class computes, and the bytes that it reads of one with `size` directions.
+    pub fn read_to_complete(dims: Dims, size: usize, known: &Known) -> (usize, usize) {
+        let block = |voxel: usize| voxel / dims.z() * dims.z().div_ceil(LANES) + voxel % dims.z() / LANES;
+        let (mut blocks, mut next) = (0, 0);
+        for &(start, end) in &known.unknown {
+            let (first, last) = (block(start).max(next), block(end - 1) + 1);
+            blocks += last.saturating_sub(first);
+            next = next.max(last);
+        }
+        (blocks, blocks * (size + 1) * LANES * size_of::<i16>())
+    }
+
     /// Number of directions, k.
     pub fn size(&self) -> usize {
         self.size
@@ -267,8 +287,28 @@ impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::Observation;
     use crate::perception::prediction::Scratch;
     use half::f16;
+
+    #[test]
+    fn what_is_read_is_counted() {
+        let dims = Dims::new(8, 8, 20).unwrap();
+        let mut codes = vec![0; dims.voxels()];
+        // All of the first tile's column (tiles are one column wide, levels two voxels high); two runs within one block of the second
+        // column; one across both blocks of the third; two filled voxels.
+        codes[..20].fill(255);
+        [22, 25, 26].into_iter().for_each(|voxel| codes[voxel] = 255);
+        codes[54..58].fill(255);
+        [90, 99].into_iter().for_each(|voxel| codes[voxel] = 1);
+        let mut known = Known::new(dims);
+        known.read(&Observation::from_bytes(dims, &codes).unwrap());
+        assert_eq!((known.division.levels.len(), known.division.rest.len()), (1, 3));
+        let (blocks, bytes) = ClassSubspace::read_to_complete(dims, 3, &known);
+        assert_eq!((blocks, bytes), (2 + 1 + 2, 5 * 4 * LANES * 2));
+        // Of 5 × 5 Gram matrices the lower half: a level in single, all voxels in double precision; rows of 7 unknown and 2 filled voxels.
+        assert_eq!(ClassSubspace::bytes_to_condition(3, &known), 15 * 4 + 15 * 8 + (7 + 2) * LANES * 2);
+    }
 
     /// Everything by the textbook: the joint Gaussian over voxels, its marginal and its conditional.
     #[test]
@@ -289,7 +329,7 @@ mod tests {
         let known: Vec<usize> = (0..20).map(|i| 3 + i * 11).collect();
         let filled: Vec<usize> = known.iter().copied().step_by(4).collect();
         let code = |v: usize| if filled.contains(&v) { 1 } else { u8::from(!known.contains(&v)) * 255 };
-        let observation = crate::grid::Observation::from_bytes(dims, &(0..d).map(code).collect::<Vec<_>>()).unwrap();
+        let observation = Observation::from_bytes(dims, &(0..d).map(code).collect::<Vec<_>>()).unwrap();
         let mut read = Known::new(dims);
         read.read(&observation);
         let mut conditional = Conditional::new(k);

@@ -48,6 +48,11 @@ impl Whitening {
         (0..rank).step_by(LANES).map(|first| LANES * (first + LANES).min(rank)).sum()
     }
 
+    /// Bytes that multiplying by one for vectors of `rank` values reads.
+    pub fn bytes(rank: usize) -> usize {
+        Self::values(rank) * size_of::<i16>() + rank.next_multiple_of(LANES) * size_of::<f32>()
+    }
+
     /// The entry in row i and column j.
     pub fn entry(&self, i: usize, j: usize) -> f32 {
         if j > i {
@@ -133,6 +138,7 @@ mod tests {
             let mut matrix = Mat::from_fn(a, a, entry);
             let whitening = Whitening::new(&mut matrix).unwrap();
             assert_eq!(whitening.values.len(), Whitening::values(a));
+            assert_eq!(size_of_val(&whitening.values[..]) + size_of_val(&whitening.scales[..]), Whitening::bytes(a));
             let inverse = invert_lower(matrix.as_ref());
             let z: Vec<f32> = (0..a).map(|i| ((i * 37 % 101) as f32 - 50.0) / 16.0).collect();
             let mut out = vec![0.0; a];

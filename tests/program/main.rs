@@ -5,7 +5,6 @@ mod full_pose;
 mod harness;
 mod pose;
 mod real_shapes;
-mod scale;
 mod service;
 mod training;
 mod usage;

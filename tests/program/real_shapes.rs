@@ -15,7 +15,7 @@ fn modelnet10() -> Option<PathBuf> {
 }
 
 /// Says so past the test runner, which shows what a passing test prints to nobody.
-fn skipped(why: &str) {
+pub fn skipped(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {why}");
 }
 

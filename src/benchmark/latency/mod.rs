@@ -39,19 +39,11 @@ pub use record::Record;
 pub use report::text;
 pub use summary::{LoadReport, Report};
 
+pub use super::wake::Wake;
+
 use beo_ipc::PoseSearch;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-
-/// How a process learns that something has come.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Wake {
-    /// It sleeps until an event.
-    Event,
-    /// It looks again and again, giving way each time to whoever shares its core: faster, where each process has a core of its own.
-    Polling,
-}
 
 /// What the daemon is told of the pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

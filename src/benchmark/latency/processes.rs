@@ -5,8 +5,8 @@ use super::reader::ReaderPlan;
 use super::record::Record;
 use super::summary::{LoadReport, Report, Run};
 use super::{Grids, LatencyError, Load, Settings, Wake};
-use crate::benchmark::cores::{Cores, start_on, usable};
-use crate::benchmark::machine::{Activity, Machine};
+use crate::benchmark::cores::{Cores, pin, usable};
+use crate::benchmark::machine::Watch;
 use crate::model::Model;
 use crate::process::{Process, this_program};
 use serde::Serialize;
@@ -36,9 +36,8 @@ pub fn measure(
     stop: &AtomicBool,
     mut progress: impl FnMut(),
 ) -> Result<Report, LatencyError> {
-    let machine = Machine::describe();
+    let watch = Watch::start();
     let cores = Cores::plan(&usable(), settings.subscribers);
-    let before = Activity::now();
     let mut reports = Vec::new();
     for load in loads {
         let mut runs = Vec::new();
@@ -48,8 +47,7 @@ pub fn measure(
         }
         reports.push(LoadReport::new(*load, &runs));
     }
-    let others = before.zip(Activity::now()).map(|(before, after)| after.others_since(&before));
-    Ok(Report::new(settings, machine, cores, others, model, reports))
+    Ok(Report::new(settings, watch.end(), cores, model, reports))
 }
 
 /// One run. Processes end in the order of the fields: clients before the daemon.
@@ -117,7 +115,7 @@ struct Talking {
 
 impl Talking {
     fn start(name: &'static str, cores: &[usize], command: &mut Command) -> Result<Self, LatencyError> {
-        let mut process = start_on(cores, || Process::start(name, command).map_err(LatencyError::from))?;
+        let mut process = pin(cores, || Process::start(name, command).map_err(LatencyError::from))?;
         let lines = process.lines()?;
         Ok(Self { process, lines })
     }

@@ -11,9 +11,7 @@ pub fn text(report: &Report) -> String {
     latencies(report, &mut out);
     stages(report, &mut out);
     counts(report, &mut out);
-    for warning in &report.warnings {
-        line(&mut out, format_args!("warning: {warning}"));
-    }
+    out.push_str(&report.circumstances.warning_lines());
     out
 }
 
@@ -23,10 +21,8 @@ fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
 }
 
 fn describe(report: &Report, out: &mut String) {
-    let (machine, settings, cores) = (&report.machine, &report.settings, &report.cores);
-    let governor = machine.governor.as_deref().unwrap_or("not told");
-    let load = machine.load_average.map_or("not told".into(), |load| format!("{load:.2}"));
-    line(out, format_args!("{}, {} cores, {}, governor {governor}, load average {load}", machine.cpu, machine.cores, machine.kernel));
+    let (settings, cores) = (&report.settings, &report.cores);
+    line(out, format_args!("{}", report.circumstances.machine));
     line(out, format_args!("model {}: {} classes, {}", settings.model.display(), report.classes, report.dims));
     line(
         out,

@@ -4,7 +4,7 @@ use super::producer::Sent;
 use super::record::{Record, STAGES};
 use super::{Load, Settings, Wake};
 use crate::benchmark::cores::Cores;
-use crate::benchmark::machine::{Machine, Others};
+use crate::benchmark::machine::Circumstances;
 use crate::benchmark::percentiles::{Percentiles, histogram, median};
 use crate::model::Model;
 use hdrhistogram::Histogram;
@@ -139,7 +139,7 @@ impl LoadReport {
         let timed: Vec<Vec<&Record>> =
             runs.iter().map(|run| run.readers.iter().flatten().filter(|r| r.counted && r.is_complete()).collect()).collect();
         let percentiles = |of: &dyn Fn(&Record) -> u64| -> Vec<Percentiles> {
-            timed.iter().map(|records| Percentiles::of(&histogram(records.iter().map(|record| of(record))))).collect()
+            timed.iter().map(|records| Percentiles::of_times(records.iter().map(|record| of(record)))).collect()
         };
         let latencies = percentiles(&Record::latency_ns);
         let stage = |stage: usize| StageFigures {
@@ -178,12 +178,9 @@ fn median_observation<'a>(records: impl Iterator<Item = &'a Record>) -> Map<Stri
 pub struct Report {
     /// Which benchmark.
     pub benchmark: &'static str,
-    /// On which machine.
-    pub machine: Machine,
-    /// What reader should doubt.
-    pub warnings: Vec<String>,
-    /// Who else used the machine during the runs.
-    pub others: Option<Others>,
+    /// On which machine, and how far to trust it.
+    #[serde(flatten)]
+    pub circumstances: Circumstances,
     /// With what.
     pub settings: Settings,
     /// The model's classes.
@@ -202,15 +199,8 @@ pub struct Report {
 
 impl Report {
     /// Puts everything together.
-    pub(super) fn new(
-        settings: &Settings,
-        machine: Machine,
-        cores: Cores,
-        others: Option<Others>,
-        model: &Model,
-        loads: Vec<LoadReport>,
-    ) -> Self {
-        let mut warnings = machine.warnings(others);
+    pub(super) fn new(settings: &Settings, mut circumstances: Circumstances, cores: Cores, model: &Model, loads: Vec<LoadReport>) -> Self {
+        let warnings = &mut circumstances.warnings;
         if settings.wake == Wake::Polling && !cores.shared().is_empty() {
             warnings.push("polling needs a core for each process; here they share, and take time from each other".into());
         }
@@ -219,9 +209,7 @@ impl Report {
         }
         Self {
             benchmark: "latency",
-            machine,
-            warnings,
-            others,
+            circumstances,
             settings: settings.clone(),
             classes: model.classes.len(),
             dims: model.dims().to_string(),

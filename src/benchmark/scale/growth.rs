@@ -45,17 +45,6 @@ fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     (logs.len() > 1 && spread > 1e-12).then_some(slope)
 }
 
-/// The median, which is replaced by nothing where there is no value; the values are put in order.
-pub fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len() % 2 == 1 {
-        values.get(middle).copied()
-    } else {
-        Some((values.get(middle.checked_sub(1)?)? + values.get(middle)?) / 2.0)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,12 +65,5 @@ mod tests {
         assert_eq!(exponent(&[(2.0, 5.0)]), None);
         assert_eq!(exponent(&[(2.0, 5.0), (2.0, 6.0)]), None);
         assert_eq!(exponent(&[(2.0, 5.0), (0.0, 6.0)]), None);
-    }
-
-    #[test]
-    fn the_median_stands_in_the_middle() {
-        assert_eq!(median(&mut [5.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(&mut [5.0, 1.0, 2.0, 4.0]), Some(3.0));
-        assert_eq!(median(&mut []), None);
     }
 }

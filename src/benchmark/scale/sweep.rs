@@ -1,9 +1,11 @@
 //! What is varied, and over which sizes.
 
-use super::growth::{Line, Series, median};
+use super::growth::{Line, Series};
 use super::models::Recipe;
 use super::publishing::{self, Published};
 use super::queries::{self, Asked};
+use crate::benchmark::cores::usable;
+use crate::benchmark::percentiles::median;
 use crate::grid::{Dims, Observation, Occupancy};
 use crate::learning::TrainError;
 use crate::model::Model;
@@ -147,7 +149,7 @@ impl Scale {
 
     fn threads(&self) -> Result<Series, ScaleError> {
         let (recipe, perceiver) = (self.effort.recipe, self.perceiver()?);
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let cores = usable().len().max(1);
         // All of them up to four, then twice as many each time.
         let sizes = (1..=cores).filter(|n| *n <= 4 || n.is_power_of_two() || *n == cores);
         let cases = sizes.map(|threads| {
@@ -265,7 +267,7 @@ fn in_turns<C, E>(cases: &mut [C], once: impl Fn(&mut C) -> Result<Vec<f64>, E>,
         }
         rounds += 1;
     }
-    Ok(measured.iter_mut().map(|stages| stages.iter_mut().map(|stage| median(stage).unwrap_or(f64::NAN)).collect()).collect())
+    Ok(measured.into_iter().map(|stages| stages.into_iter().map(|stage| median(stage.into_iter())).collect()).collect())
 }
 
 #[cfg(test)]

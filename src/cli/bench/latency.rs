@@ -1,5 +1,6 @@
 //! `beo bench latency`, and what its other processes run.
 
+use super::part::{not_planned, plan};
 use crate::benchmark::latency::{self, Grids, Load, Pose, ProducerPlan, ReaderPlan, Settings, Wake};
 use crate::cli::failure::{Failure, cannot_write};
 use crate::cli::{progress, stop};
@@ -7,8 +8,7 @@ use crate::grid::Occupancy;
 use crate::model::load;
 use crate::shapes::{ReadOptions, read_shape};
 use clap::{Args, ValueEnum};
-use serde::de::DeserializeOwned;
-use std::io::{BufRead, stdin};
+use std::io::stdin;
 use std::path::PathBuf;
 
 /// Most readers: as many as a daemon serves, less the producer's own.
@@ -177,8 +177,8 @@ impl From<PoseArgument> for Pose {
 pub fn producer() -> Result<(), Failure> {
     let stop = stop::on_signal()?;
     let mut input = stdin().lock();
-    let plan: ProducerPlan = plan(&mut input)?;
-    let voxels = beo_ipc::limits::voxel_count(plan.dims).ok_or_else(|| not_planned("dims outside the limits"))?;
+    let plan: ProducerPlan = plan("latency", &mut input)?;
+    let voxels = beo_ipc::limits::voxel_count(plan.dims).ok_or_else(|| not_planned("latency", "dims outside the limits"))?;
     let grids = Grids::read(&mut input, voxels, plan.shapes)?;
     say!("{}", serde_json::to_string(&latency::produce(&plan, &grids, &stop)?)?);
     Ok(())
@@ -187,23 +187,11 @@ pub fn producer() -> Result<(), Failure> {
 /// A reader's process: a plan on a line of standard input; a line when it has subscribed, and what it read on another once interrupted.
 pub fn reader() -> Result<(), Failure> {
     let stop = stop::on_signal()?;
-    let plan: ReaderPlan = plan(&mut stdin().lock())?;
+    let plan: ReaderPlan = plan("latency", &mut stdin().lock())?;
     let ready = || {
         use std::io::Write;
         writeln!(std::io::stdout(), "reading")
     };
     say!("{}", serde_json::to_string(&latency::read(&plan, &stop, ready)?)?);
     Ok(())
-}
-
-fn plan<T: DeserializeOwned>(input: &mut impl BufRead) -> Result<T, Failure> {
-    // Whoever started this process may be gone before it is done.
-    rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::INT))?;
-    let mut line = String::new();
-    input.read_line(&mut line)?;
-    serde_json::from_str(&line).map_err(|error| not_planned(&error.to_string()))
-}
-
-fn not_planned(reason: &str) -> Failure {
-    Failure::Usage(format!("this is a part of `beo bench latency`, which says on standard input what to do: {reason}"))
 }

@@ -1,7 +1,10 @@
 //! `beo bench`: measurements of speed.
 
 mod latency;
+mod part;
+mod query;
 mod scale;
+mod transport;
 
 use super::failure::Failure;
 use clap::{Args, Subcommand};
@@ -15,8 +18,6 @@ pub struct Bench {
 
 #[derive(Subcommand)]
 enum What {
-    /// Measure how the cost of a query grows: with classes, basis size, resolution, hidden voxels, threads, subscribers
-    Scale(scale::Scale),
     /// From an observation to its percept, through producer, daemon and readers as separate processes
     Latency(latency::Latency),
     /// The producer of `latency`
@@ -25,16 +26,28 @@ enum What {
     /// A reader of `latency`
     #[command(hide = true)]
     LatencyReader,
+    /// Time the compute of queries alone, beside peers and the machine's own limits
+    Query(query::Query),
+    /// Measure how the cost of a query grows: with classes, basis size, resolution, hidden voxels, threads, subscribers
+    Scale(scale::Scale),
+    /// Time handing grids from one process to another, by our channels and by others
+    Transport(transport::Transport),
+    /// The reading process of `transport`
+    #[command(hide = true)]
+    TransportReader,
 }
 
 impl Bench {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         match self.what {
-            What::Scale(command) => command.run(),
             What::Latency(command) => command.run(),
             What::LatencyProducer => latency::producer(),
             What::LatencyReader => latency::reader(),
+            What::Query(command) => command.run(),
+            What::Scale(command) => command.run(),
+            What::Transport(command) => command.run(),
+            What::TransportReader => transport::reader(),
         }
     }
 }

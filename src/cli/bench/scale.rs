@@ -1,6 +1,7 @@
 //! `beo bench scale`: how the cost of a query grows.
 
-use crate::benchmark::scale::{self, Sweep, chart, table};
+use crate::benchmark::machine::{Circumstances, Watch};
+use crate::benchmark::scale::{self, Series, Sweep, chart, table};
 use crate::cli::failure::{Failure, cannot_write};
 use crate::cli::progress;
 use clap::{Args, ValueEnum};
@@ -23,16 +24,27 @@ pub struct Scale {
     png: Option<PathBuf>,
 }
 
+/// What `--json` prints.
+#[derive(serde::Serialize)]
+struct Outcome {
+    #[serde(flatten)]
+    circumstances: Circumstances,
+    threads: usize,
+    quick: bool,
+    series: Vec<Series>,
+}
+
 impl Scale {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         if let Some(folder) = &self.png {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
         }
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let watch = Watch::start();
         let threads = rayon::current_num_threads();
         if !self.json {
-            say!("{cores} cores, {threads} worker threads; exponents are those of time ∝ size^e\n");
+            say!("{}", watch.machine());
+            say!("{threads} worker threads; exponents are those of time ∝ size^e\n");
         }
         let bar = progress::bar(self.only.len(), "measuring");
         let scale = scale::Scale::new(self.quick);
@@ -53,9 +65,12 @@ impl Scale {
             bar.inc(1);
         }
         bar.finish_and_clear();
+        let circumstances = watch.end();
         if self.json {
-            let outcome = serde_json::json!({ "cores": cores, "threads": threads, "quick": self.quick, "series": measured });
+            let outcome = Outcome { circumstances, threads, quick: self.quick, series: measured };
             say!("{}", serde_json::to_string_pretty(&outcome)?);
+        } else if !circumstances.warnings.is_empty() {
+            say!("{}", circumstances.warning_lines().trim_end());
         }
         Ok(())
     }

@@ -1,16 +1,15 @@
 //! `beo bench scale`: that it measures what it says. How long anything takes is not tested.
 
+use super::{refused, report};
 use crate::harness::{run, text};
 use serde_json::Value;
 
 #[test]
 fn all_series_are_measured_and_drawn() {
     let folder = tempfile::tempdir().unwrap();
-    let output = run(["bench", "scale", "--quick", "--json", "--png", folder.path().to_str().unwrap()]);
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let outcome: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let outcome = report(&["scale", "--quick", "--png", folder.path().to_str().unwrap()]);
     assert_eq!(outcome["quick"], true);
-    let cores = outcome["cores"].as_u64().unwrap();
+    let cores = outcome["machine"]["cores"].as_u64().unwrap();
     let series = outcome["series"].as_array().unwrap();
     let sizes = |series: &Value| -> Vec<Vec<f64>> {
         let of_line = |line: &Value| line["points"].as_array().unwrap().iter().map(|p| p[0].as_f64().unwrap()).collect();
@@ -46,5 +45,5 @@ fn one_series_is_a_table_and_an_unknown_one_is_refused() {
     let table = text(&output.stdout);
     assert!(table.contains("subscribers (percept and completion of 12×12×12") && table.contains("read by all"), "{table}");
     assert!(!table.contains("resolution"));
-    assert_eq!(run(["bench", "scale", "--only", "weather"]).status.code(), Some(2));
+    refused(&[(&["scale", "--only", "weather"], 2, "weather")]);
 }

@@ -1,6 +1,7 @@
 //! `beo bench latency`: every process is real, every observation is accounted for, and nothing is left behind.
 
-use crate::harness::{PATIENCE, Running, beo, model, run, segments, shape, text};
+use super::{all_mapped, children, mapped, nothing_left, percentiles, refused};
+use crate::harness::{PATIENCE, Running, beo, model, shape};
 use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -14,24 +15,10 @@ fn latency(arguments: &[&str]) -> std::process::Command {
     beo(["bench", "latency", "--json", "--repeat", "1", "--model", model].iter().chain(arguments))
 }
 
-/// Processes whose parent is `pid`.
-fn children(pid: u32) -> Vec<u32> {
-    let processes = std::fs::read_dir("/proc").unwrap().filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok());
-    let parent = |process: &u32| {
-        let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-        stat.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse::<u32>().ok()
-    };
-    processes.filter(|process| parent(process) == Some(pid)).collect()
-}
-
 /// Shared memory that the children of a process have mapped now.
 fn mapped_by_children(pid: u32) -> BTreeSet<PathBuf> {
     // One that ends meanwhile has nothing mapped.
     children(pid).into_iter().filter(|child| PathBuf::from(format!("/proc/{child}/maps")).exists()).flat_map(mapped).collect()
-}
-
-fn mapped(pid: u32) -> Vec<PathBuf> {
-    std::panic::catch_unwind(|| segments(pid)).unwrap_or_default()
 }
 
 /// Runs to the end, and gives what it printed and the shared memory that its processes had mapped.
@@ -63,9 +50,7 @@ fn check(report: &Value, load: &Value, readers: usize) {
     assert_eq!(names, STAGES[1..]);
     let stamps: Vec<f64> = STAGES.iter().map(|stage| load["median_observation_us"][stage].as_f64().unwrap()).collect();
     assert!(stamps.is_sorted() && stamps[0] == 0.0 && stamps[8] > 0.0, "{stamps:?}");
-    let percentiles: Vec<f64> =
-        ["p50", "p90", "p99", "p99_9", "p99_99", "max"].iter().map(|p| load["latency_us"][p].as_f64().unwrap()).collect();
-    assert!(percentiles.is_sorted() && percentiles[0] > 0.0, "{percentiles:?}");
+    percentiles(&load["latency_us"]);
 
     let counts = &load["counts"];
     assert_eq!(counts["sums_match"], true, "{counts}");
@@ -101,8 +86,7 @@ fn every_load_is_measured_through_all_stages_and_leaves_nothing_behind() {
         assert!(std::fs::read(pictures.join(picture)).unwrap().starts_with(b"\x89PNG"));
     }
     assert!(!files.is_empty(), "its processes were seen while they ran");
-    let left: Vec<_> = files.iter().filter(|file| file.exists()).collect();
-    assert!(left.is_empty(), "left in shared memory: {left:?}");
+    nothing_left(&[], &files);
 }
 
 #[test]
@@ -120,43 +104,26 @@ fn polling_and_tracking_are_measured_too() {
 #[test]
 fn ctrl_c_ends_every_process_and_leaves_nothing_behind() {
     let mut bench = Running::start(latency(&["--load", "30hz", "--seconds", "100"]));
-    let start = Instant::now();
     // Daemon, reader and producer.
-    let processes = loop {
-        let found = children(bench.id());
-        if found.len() == 3 && found.iter().all(|child| !mapped(*child).is_empty()) {
-            break found;
-        }
-        assert!(start.elapsed() < PATIENCE, "{found:?}");
-        std::thread::sleep(Duration::from_millis(20));
-    };
-    let files: BTreeSet<PathBuf> = processes.iter().flat_map(|child| mapped(*child)).collect();
+    let (processes, files) = all_mapped(bench.id(), 3);
     bench.signal(Signal::INT);
     assert_eq!(bench.wait().code(), Some(1));
     let messages: Vec<String> = bench.stderr.take().unwrap().iter().collect();
     assert!(messages.iter().any(|line| line.contains("interrupted")), "{messages:?}");
-    assert!(processes.iter().all(|child| !PathBuf::from(format!("/proc/{child}")).exists()), "{processes:?}");
-    let left: Vec<_> = files.iter().filter(|file| file.exists()).collect();
-    assert!(left.is_empty(), "left in shared memory: {left:?}");
+    nothing_left(&processes, &files);
 }
 
 #[test]
 fn what_cannot_be_measured_is_refused_in_one_line() {
-    for (arguments, part) in [
-        (&["latency", "--seconds", "0"][..], "--seconds 0"),
-        (&["latency", "--seconds", "nan"], "--seconds"),
-        (&["latency", "--subscribers", "0"], "--subscribers 0"),
-        (&["latency", "--subscribers", "16"], "1 to 15"),
-        (&["latency", "--repeat", "0"], "--repeat 0"),
-        (&["latency-reader"], "a part of `beo bench latency`"),
-        (&["latency-producer"], "a part of `beo bench latency`"),
-    ] {
-        let output = run(["bench"].iter().chain(arguments));
-        let message = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-        assert!(message.contains(part) && message.lines().count() == 1, "{arguments:?}: {message}");
-    }
-    assert_eq!(run(["bench", "latency", "--load", "60hz"]).status.code(), Some(2));
-    let output = run(["bench", "latency", "--model", "absent.safetensors"]);
-    assert_eq!((output.status.code(), text(&output.stderr).contains("absent.safetensors")), (Some(1), true));
+    refused(&[
+        (&["latency", "--seconds", "0"], 2, "--seconds 0"),
+        (&["latency", "--seconds", "nan"], 2, "--seconds"),
+        (&["latency", "--subscribers", "0"], 2, "--subscribers 0"),
+        (&["latency", "--subscribers", "16"], 2, "1 to 15"),
+        (&["latency", "--repeat", "0"], 2, "--repeat 0"),
+        (&["latency", "--load", "60hz"], 2, "60hz"),
+        (&["latency", "--model", "absent.safetensors"], 1, "absent.safetensors"),
+        (&["latency-reader"], 2, "a part of `beo bench latency`"),
+        (&["latency-producer"], 2, "a part of `beo bench latency`"),
+    ]);
 }
