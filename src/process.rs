@@ -161,8 +161,10 @@ impl Drop for Process {
 mod tests {
     use super::*;
 
+    /// Whoever runs the tests in the background has them ignore SIGINT, and a shell cannot catch what it was started to ignore.
     fn shell(script: &str) -> Process {
-        Process::start("sh", Command::new("sh").args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped())).unwrap()
+        let mut command = Command::new("env");
+        Process::start("sh", command.args(["--default-signal=INT", "sh", "-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped())).unwrap()
     }
 
     #[test]
