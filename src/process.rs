@@ -164,7 +164,8 @@ mod tests {
     /// Whoever runs the tests in the background has them ignore SIGINT, and a shell cannot catch what it was started to ignore.
     fn shell(script: &str) -> Process {
         let mut command = Command::new("env");
-        Process::start("sh", command.args(["--default-signal=INT", "sh", "-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped())).unwrap()
+        Process::start("sh", command.args(["--default-signal=INT", "sh", "-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()))
+            .unwrap()
     }
 
     #[test]

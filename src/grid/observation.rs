@@ -13,11 +13,24 @@ pub const UNKNOWN: u8 = 255;
 /// A partial voxel grid (w_q and V_q of eq. 13), as two bit sets in C order `[x][y][z]`.
 ///
 /// A filled voxel is always known.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 pub struct Observation {
     dims: Dims,
     known: FixedBitSet,
     filled: FixedBitSet,
+}
+
+impl Clone for Observation {
+    fn clone(&self) -> Self {
+        Self { dims: self.dims, known: self.known.clone(), filled: self.filled.clone() }
+    }
+
+    /// Reuses the memory of what it replaces.
+    fn clone_from(&mut self, source: &Self) {
+        self.dims = source.dims;
+        self.known.clone_from(&source.known);
+        self.filled.clone_from(&source.filled);
+    }
 }
 
 /// The lowest bit of each of eight bytes.
