@@ -156,7 +156,13 @@ impl Scale {
             let pool: ThreadPool = ThreadPoolBuilder::new().num_threads(threads).build()?;
             Ok((threads as f64, Asked::new(perceiver.clone(), recipe.observations(OBSERVATIONS), Some(pool))))
         });
-        self.queries("threads", recipe.to_string(), "at best the work is shared evenly", [-1.0; 3], cases)
+        self.queries(
+            "threads",
+            recipe.to_string(),
+            "in known pose a query stays on its thread; of a search the work is at best shared evenly",
+            [0.0, 0.0, -1.0],
+            cases,
+        )
     }
 
     fn unknown(&self, shares: &[f64]) -> Result<Series, ScaleError> {
