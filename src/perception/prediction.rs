@@ -115,8 +115,8 @@ impl Columns {
             *row = widen(values);
         }
         let mut class_mean = widen(&values[self.size]);
-        for l in 0..LANES {
-            class_mean[l] *= self.mean_unit;
+        for value in &mut class_mean {
+            *value *= self.mean_unit;
         }
         let (mut mean, mut variance) = (class_mean, [0.0; LANES]);
         let mut factors = &posterior.factors[..];
