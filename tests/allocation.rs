@@ -16,7 +16,7 @@ fn observations(perceiver: &Perceiver) -> Vec<Observation> {
         let object = furniture::make(class, dims, seed).unwrap();
         all.push(View::Top.of(&object));
         let mut some = Observation::unknown(dims);
-        (0..dims.voxels()).filter(|v| (v * 7919 + seed as usize) % 3 > 0).for_each(|v| some.set(v, object.bits().contains(v)));
+        (0..dims.voxels()).filter(|v| !(v * 7919 + seed as usize).is_multiple_of(3)).for_each(|v| some.set(v, object.bits().contains(v)));
         all.push(some);
     }
     all
