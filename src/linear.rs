@@ -76,7 +76,7 @@ pub fn cholesky(matrix: &mut Mat<f64>) -> Result<(), LinearError> {
 }
 
 /// The Cholesky factor L of a small symmetric positive definite matrix: n × n row-major, of which only the lower half is read
-/// and replaced. Unlike [`cholesky`] it allocates nothing.
+/// and replaced. Unlike `cholesky` it allocates nothing.
 pub fn cholesky_rows(matrix: &mut [f64], n: usize) -> Result<(), LinearError> {
     for i in 0..n {
         let (above, row) = matrix.split_at_mut(i * n);
