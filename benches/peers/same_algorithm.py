@@ -8,8 +8,9 @@ posterior   softmax of the weighted scores
 completion  of the classes above 5 %, three at most: posterior mean and variance of each unknown voxel, calibrated
 """
 
+import peer  # first: it says what is missing
+
 import numpy as np
-import peer
 
 HOPELESS = 1e-2
 LEAST_SHARE, MOST_PARTS = 0.05, 3

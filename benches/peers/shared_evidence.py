@@ -11,8 +11,9 @@ factorisations are in single precision, sums of logarithms in double. The comple
 without a deviation (which costs as much again).
 """
 
+import peer  # first: it says what is missing
+
 import numpy as np
-import peer
 
 BLOCK = 64
 
