@@ -90,10 +90,10 @@ pub fn ln(x: f32) -> f32 {
 
 /// The same values in single precision. A loop of its own: one that also adds is not always turned into vector instructions.
 #[inline(always)]
-pub fn widen(values: &[i16; LANES]) -> Lanes {
+pub fn widen<T: Copy + Into<f32>>(values: &[T; LANES]) -> Lanes {
     let mut wide = [0.0; LANES];
     for l in 0..LANES {
-        wide[l] = f32::from(values[l]);
+        wide[l] = values[l].into();
     }
     wide
 }

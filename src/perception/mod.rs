@@ -24,6 +24,7 @@ pub mod completion;
 mod density;
 mod known;
 pub(crate) mod lanes;
+mod large_pages;
 mod method;
 mod paper;
 mod paper_pose;

@@ -102,7 +102,7 @@ impl Perceiver {
     pub fn derived_bytes(model: &Model) -> usize {
         let a = model.rank();
         let classes: usize = model.classes.iter().map(|c| ClassSubspace::bytes(model.dims(), c.variances.len())).sum();
-        classes + ColumnSums::bytes(model.dims(), a) + 2 * (model.views().len() * (model.classes.len() + 1) * Whitening::values(a))
+        classes + ColumnSums::bytes(model.dims(), a) + model.views().len() * (model.classes.len() + 1) * Whitening::bytes(a)
     }
 
     /// The model.

@@ -5,6 +5,7 @@
 //! memory, component by component, so that one value of S serves a whole block of them, and nothing is gathered.
 
 use super::lanes::{LANES, Lanes, multiply_add, widen};
+use super::large_pages::collapse;
 use super::rows::Rows;
 use crate::grid::Dims;
 use crate::model::MOST_COMPONENTS;
@@ -97,6 +98,7 @@ impl Columns {
                 block.iter_mut().zip(row).for_each(|(block, value)| block[z % LANES] = *value);
             }
         }
+        collapse(&values);
         Self { size, blocks, values, mean_unit: rows.scales()[size] }
     }
 

@@ -3,25 +3,29 @@
 //! Voxels come in vertical runs, so prefix sums of W' along each column turn a run of any length into two rows.
 
 use super::lanes::{Kernel, LANES, Lanes, dispatch, widen};
+use super::large_pages::collapse;
 use crate::grid::{Dims, for_each_run};
 use crate::model::Basis;
+use bytemuck::{cast_slice, cast_slice_mut};
 use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 
-/// Prefix sums of a d × a matrix along the columns of the grid, in 16 bits, each component with a scale of its own: a sum of n
-/// rows is wrong by about √n / 3 · 2⁻¹⁶ of the component's largest prefix sum.
+/// Prefix sums of a d × a matrix along the columns of the grid, in fixed point, each component with a scale of its own. They have 24
+/// bits, in two parts: searches read the upper 16 alone, and a sum of n rows is then wrong by about √n / 3 · 2⁻¹⁶ of the component's
+/// largest prefix sum.
 pub struct ColumnSums {
     dims: Dims,
-    /// Values from row to row: a, padded to whole blocks of lanes.
-    stride: usize,
-    /// Row `v` is the sum over the voxels of v's column from its bottom up to and including v.
-    sums: Vec<i16>,
+    /// Values of a row: a, padded to whole blocks of lanes.
+    width: usize,
+    /// Row `v` is the sum over the voxels of v's column from its bottom up to and including v: `width` values, then as many bytes of
+    /// what rounding left of them, in 256ths.
+    rows: Vec<i16>,
     /// By how much each component is multiplied.
     scales: Vec<f32>,
 }
 
 impl ColumnSums {
-    /// Prefix sums of W'; d × a × 2 bytes.
+    /// Prefix sums of W'; d × a × 3 bytes.
     pub fn new(dims: Dims, basis: &Basis) -> Self {
         let width = basis.rank();
         let column_sums = |column: usize, sums: &mut [f32]| {
@@ -52,20 +56,26 @@ impl ColumnSums {
             .map(|(_, found)| found)
             .reduce(|| vec![0.0; width], |a, b| largest(a, &b));
         let scales: Vec<f32> = largest.iter().map(|v| v / f32::from(i16::MAX)).collect();
-        let stride = width.next_multiple_of(LANES);
-        let mut sums = vec![0_i16; dims.voxels() * stride];
-        sums.par_chunks_mut((dims.z() * stride).max(1)).enumerate().for_each_init(scratch, |scratch, (column, out)| {
+        let padded = width.next_multiple_of(LANES);
+        let mut rows = vec![0_i16; dims.voxels() * stride(padded)];
+        rows.par_chunks_mut((dims.z() * stride(padded)).max(1)).enumerate().for_each_init(scratch, |scratch, (column, rows)| {
             column_sums(column, scratch);
-            for (out, row) in out.chunks_exact_mut(stride.max(1)).zip(scratch.chunks_exact(width.max(1))) {
-                out.iter_mut().zip(row).zip(&scales).for_each(|((out, v), scale)| *out = (v / scale).round() as i16);
+            for (row, values) in rows.chunks_exact_mut(stride(padded).max(1)).zip(scratch.chunks_exact(width.max(1))) {
+                let (sums, rests) = row.split_at_mut(padded);
+                for (((sum, rest), v), scale) in sums.iter_mut().zip(cast_slice_mut::<_, i8>(rests)).zip(values).zip(&scales) {
+                    let v = v / scale;
+                    *sum = v.round() as i16;
+                    *rest = ((v - v.round()) * 256.0).round() as i8;
+                }
             }
         });
-        Self { dims, stride, sums, scales }
+        collapse(&rows);
+        Self { dims, width: padded, rows, scales }
     }
 
     /// Bytes that [`Self::new`] keeps for a model of `rank` components.
     pub fn bytes(dims: Dims, rank: usize) -> usize {
-        2 * dims.voxels() * rank.next_multiple_of(LANES)
+        size_of::<i16>() * dims.voxels() * stride(rank.next_multiple_of(LANES))
     }
 
     /// Rows that projecting these bits reads, and the bytes of them where W' has `width` columns: of a run its uppermost row, and the one
@@ -73,7 +83,7 @@ impl ColumnSums {
     pub fn read_of(dims: Dims, width: usize, bits: &FixedBitSet) -> (usize, usize) {
         let mut rows = 0;
         for_each_run(bits, dims, 0..dims.columns(), |start, _| rows += 1 + usize::from(!start.is_multiple_of(dims.z())));
-        (rows, rows * width * size_of::<i16>())
+        (rows, rows * width * (size_of::<i16>() + size_of::<i8>()))
     }
 
     /// W'ᵀx of the binary vector with these bits, into `out` (a values).
@@ -81,19 +91,26 @@ impl ColumnSums {
         dispatch(AddBits(Sum::new(self, out), bits));
     }
 
-    /// The same of the binary vector made of these runs (start, end), each inside one column.
+    /// The same of the binary vector made of these runs (start, end), each inside one column; of the upper 16 bits.
     pub fn project_runs(&self, runs: impl Iterator<Item = (usize, usize)>, out: &mut [f32]) {
         dispatch(AddRuns(Sum::new(self, out), runs));
     }
 
+    /// A row: the upper 16 bits, and the lower 8.
     #[inline(always)]
-    fn row(&self, voxel: usize) -> &[[i16; LANES]] {
-        self.sums[voxel * self.stride..(voxel + 1) * self.stride].as_chunks().0
+    fn row(&self, voxel: usize) -> (&[[i16; LANES]], &[[i8; LANES]]) {
+        let (sums, rests) = self.rows[voxel * stride(self.width)..][..stride(self.width)].split_at(self.width);
+        (sums.as_chunks().0, cast_slice(rests).as_chunks().0)
     }
 }
 
-/// A sum of rows, in whole numbers until it is complete.
-struct Sum<'a> {
+/// 16-bit values from row to row of `width` components.
+fn stride(width: usize) -> usize {
+    width + width / 2
+}
+
+/// A sum of rows, in whole numbers until it is complete; `FINE`: of all 24 bits.
+struct Sum<'a, const FINE: bool> {
     sums: &'a ColumnSums,
     whole: &'a mut [Lanes],
     /// The components after the last whole block, and where they go.
@@ -101,7 +118,7 @@ struct Sum<'a> {
     last: &'a mut [f32],
 }
 
-impl<'a> Sum<'a> {
+impl<'a, const FINE: bool> Sum<'a, FINE> {
     fn new(sums: &'a ColumnSums, out: &'a mut [f32]) -> Self {
         out.fill(0.0);
         let (whole, last) = out.as_chunks_mut();
@@ -118,12 +135,12 @@ impl<'a> Sum<'a> {
 
     #[inline(always)]
     fn add_row(&mut self, voxel: usize, sign: f32) {
-        let row = self.sums.row(voxel);
-        for (sum, row) in self.whole.iter_mut().zip(row) {
-            add(sum, row, sign);
-        }
-        if let Some(row) = row.get(self.whole.len()) {
-            add(&mut self.rest, row, sign);
+        let (upper, lower) = self.sums.row(voxel);
+        for ((sum, upper), lower) in self.whole.iter_mut().chain([&mut self.rest]).zip(upper).zip(lower) {
+            add(sum, &widen(upper), sign);
+            if FINE {
+                add(sum, &widen(lower), sign / 256.0);
+            }
         }
     }
 
@@ -136,15 +153,14 @@ impl<'a> Sum<'a> {
 }
 
 #[inline(always)]
-fn add(sum: &mut Lanes, row: &[i16; LANES], sign: f32) {
-    let row = widen(row);
+fn add(sum: &mut Lanes, row: &Lanes, factor: f32) {
     for l in 0..LANES {
-        sum[l] += sign * row[l];
+        sum[l] += factor * row[l];
     }
 }
 
 /// Adds the sums over the set bits.
-struct AddBits<'a>(Sum<'a>, &'a FixedBitSet);
+struct AddBits<'a>(Sum<'a, true>, &'a FixedBitSet);
 
 impl Kernel for AddBits<'_> {
     type Output = ();
@@ -159,7 +175,7 @@ impl Kernel for AddBits<'_> {
 }
 
 /// Adds the sums over runs.
-struct AddRuns<'a, R>(Sum<'a>, R);
+struct AddRuns<'a, R>(Sum<'a, false>, R);
 
 impl<R: Iterator<Item = (usize, usize)>> Kernel for AddRuns<'_, R> {
     type Output = ();
@@ -180,7 +196,7 @@ mod tests {
     use half::f16;
 
     #[test]
-    fn projection_by_runs_is_the_sum_of_the_rows() {
+    fn projection_is_the_sum_of_the_rows() {
         let dims = Dims::new(8, 9, 11).unwrap();
         let rows = (0..dims.voxels() * 3).map(|i| f16::from_f32(((i * 37 % 101) as f32 - 50.0) / 64.0)).collect();
         let basis = Basis::new(3, rows);
@@ -188,12 +204,12 @@ mod tests {
         (0..dims.voxels()).filter(|v| v * v % 7 < 4).for_each(|v| bits.insert(v));
         let runs = (0..dims.columns()).map(|c| (c * 11..c * 11 + 11).map(|v| bits.contains(v)).collect::<Vec<_>>());
         let rows: usize = runs.map(|column| column.windows(2).filter(|w| w[0] != w[1]).count() + usize::from(column[10])).sum();
-        assert_eq!(ColumnSums::read_of(dims, 3, &bits), (rows, rows * 6));
+        assert_eq!(ColumnSums::read_of(dims, 3, &bits), (rows, rows * 9));
         let mut out = [f32::NAN; 3];
         ColumnSums::new(dims, &basis).project(&bits, &mut out);
         for (h, value) in out.iter().enumerate() {
             let expected: f64 = bits.ones().map(|v| f64::from(basis.row(v)[h].to_f32())).sum();
-            assert!((f64::from(*value) - expected).abs() < 1e-3, "{value} {expected}");
+            assert!((f64::from(*value) - expected).abs() < 1e-5, "{value} {expected}");
         }
     }
 }

@@ -2,6 +2,7 @@
 //! memory to be read, more than arithmetic, and the basis that was learned has no more than 11 significant bits.
 
 use super::lanes::{Kernel, LANES, dispatch, widen};
+use super::large_pages::collapse;
 use rayon::prelude::*;
 
 /// Rows of as many voxels, padded to whole blocks of lanes.
@@ -30,6 +31,7 @@ impl Rows {
                 *value = (v / scale).round() as i16;
             }
         });
+        collapse(&values);
         Self { stride, values, scales }
     }
 

@@ -1,8 +1,8 @@
 //! What the answer to a query reads and computes at least, so that times can be held against the machine.
 //!
 //! Counted is what the answer depends on in the pose that is answered, as it is kept in memory; what a search touches beside it is not. For
-//! class and pose: the hull densities of all classes (mean, and half of the whitening in 16 bits), of the prefix sums of W', in 16 bits
-//! too, two rows for each run of the hull, and of each class whose evidence is asked: its Gram matrices over stacks of unknown voxels and
+//! class and pose: the hull densities of all classes (mean, and half of the whitening in 16 bits), of the prefix sums of W' in 24
+//! bits two rows for each run of the hull, and of each class whose evidence is asked: its Gram matrices over stacks of unknown voxels and
 //! its rows of the other unknown and of the filled ones, in 16 bits. For a completion besides: of each class that takes part, the
 //! blocks of its columns that hold unknown voxels, a product with its triangular k × k factor for the deviation of each of them, and the two
 //! values of each voxel that are written.

@@ -45,7 +45,7 @@ impl CommonDensity {
 
     fn whiten(&self, z: &[f32]) -> Vec<f32> {
         let mut out = vec![0.0; self.rank];
-        self.whitening.whiten(z, &mut out);
+        self.whitening.whiten(&mut z.to_vec(), &mut out);
         out
     }
 
