@@ -1,6 +1,6 @@
 //! What a view from above shows: the highest filled voxel of every column.
 
-use super::{Dims, Observation, column_sources};
+use super::{Dims, Observation, for_each_column_source};
 
 /// Heights of all columns of a grid, in the order of the columns.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,7 +44,8 @@ impl HeightMap {
 
     /// The map turned about +z by `angle` radians, nearest neighbour; columns that enter are 0.
     pub fn turned(&self, angle: f64) -> Self {
-        let tops = column_sources(self.dims, angle).map(|source| source.map_or(0, |column| self.tops[column])).collect();
+        let mut tops = Vec::with_capacity(self.dims.columns());
+        for_each_column_source(self.dims, angle, |source| tops.push(source.map_or(0, |column| self.tops[column])));
         Self { dims: self.dims, tops }
     }
 }

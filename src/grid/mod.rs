@@ -18,6 +18,6 @@ pub use height_map::HeightMap;
 pub use observation::{EMPTY, FILLED, Observation, ObservationError, UNKNOWN};
 pub use occupancy::Occupancy;
 pub use pooling::Pooling;
-pub use rotation::{Outside, Rotation, Turn, column_sources, from_xyzw, mean_rotation, to_xyzw, uniform_rotation, yaw, yaw_of};
+pub use rotation::{Outside, Rotation, Turn, for_each_column_source, from_xyzw, mean_rotation, to_xyzw, uniform_rotation, yaw, yaw_of};
 pub use runs::for_each_run;
 pub use view::View;

@@ -163,6 +163,11 @@ impl Observation {
         &self.filled
     }
 
+    /// The bits of known and of filled voxels, to be written; none may be filled that is not known.
+    pub(super) fn parts_mut(&mut self) -> (&mut FixedBitSet, &mut FixedBitSet) {
+        (&mut self.known, &mut self.filled)
+    }
+
     /// The visual hull: all that is not known to be empty, that is, filled or unknown.
     pub fn hull(&self) -> Occupancy {
         let mut hull = FixedBitSet::with_capacity(self.dims.voxels());

@@ -72,38 +72,63 @@ pub struct Turn {
 impl Turn {
     /// The turn of grids of one size by `rotation`.
     pub fn new(dims: Dims, rotation: &Rotation) -> Self {
+        let mut turn = Self { dims, sources: Vec::with_capacity(dims.voxels()) };
+        turn.set(rotation);
+        turn
+    }
+
+    /// Becomes the turn by another rotation.
+    pub fn set(&mut self, rotation: &Rotation) {
+        let Self { dims, sources } = self;
+        sources.clear();
+        if rotation.i == 0.0 && rotation.j == 0.0 {
+            let height = dims.z();
+            for_each_column_source(*dims, yaw_of(rotation), |source| match source {
+                Some(source) => sources.extend((0..height).map(|k| (source * height + k) as u32)),
+                None => sources.extend(std::iter::repeat_n(NOWHERE, height)),
+            });
+            return;
+        }
         let back = rotation.inverse().to_rotation_matrix();
         let back = back.matrix();
-        let sides = <[usize; 3]>::from(dims);
+        let sides = <[usize; 3]>::from(*dims);
         let middle = sides.map(|side| (side as f64 - 1.0) / 2.0);
-        let mut sources = Vec::with_capacity(dims.voxels());
         for i in 0..sides[0] {
             for j in 0..sides[1] {
                 let (x, y) = (i as f64 - middle[0], j as f64 - middle[1]);
                 let start: [f64; 3] = std::array::from_fn(|axis| back[(axis, 0)] * x + back[(axis, 1)] * y + middle[axis]);
                 for k in 0..sides[2] {
                     let z = k as f64 - middle[2];
-                    let at: [f64; 3] = std::array::from_fn(|axis| (start[axis] + back[(axis, 2)] * z).round_ties_even());
+                    let at: [f64; 3] = std::array::from_fn(|axis| nearest(start[axis] + back[(axis, 2)] * z));
                     let inside = (0..3).all(|axis| at[axis] >= 0.0 && at[axis] < sides[axis] as f64);
                     let [i, j, k] = at.map(|at| at as usize);
                     sources.push(if inside { dims.index(i, j, k) as u32 } else { NOWHERE });
                 }
             }
         }
-        Self { dims, sources }
     }
 
     /// The turned object; what enters is empty.
     pub fn occupancy(&self, object: &Occupancy) -> Occupancy {
         assert_eq!(object.dims(), self.dims, "a turn belongs to one size of grid");
-        Occupancy::from_bits(self.dims, self.gather(object.bits(), false))
+        let mut turned = FixedBitSet::with_capacity(self.dims.voxels());
+        self.gather(object.bits(), false, &mut turned);
+        Occupancy::from_bits(self.dims, turned)
     }
 
     /// The turned observation.
     pub fn observation(&self, observation: &Observation, outside: Outside) -> Observation {
-        assert_eq!(observation.dims(), self.dims, "a turn belongs to one size of grid");
-        let known = self.gather(observation.known(), outside == Outside::Empty);
-        Observation::from_parts(self.dims, known, self.gather(observation.filled(), false))
+        let mut turned = Observation::unknown(self.dims);
+        self.observation_into(observation, outside, &mut turned);
+        turned
+    }
+
+    /// The same, into an observation of the same size.
+    pub fn observation_into(&self, observation: &Observation, outside: Outside, turned: &mut Observation) {
+        assert_eq!([observation.dims(), turned.dims()], [self.dims; 2], "a turn belongs to one size of grid");
+        let (known, filled) = turned.parts_mut();
+        self.gather(observation.known(), outside == Outside::Empty, known);
+        self.gather(observation.filled(), false, filled);
     }
 
     /// One value per voxel, turned: `from` has one value per voxel, what enters is `outside`.
@@ -112,30 +137,40 @@ impl Turn {
         to.extend(self.sources.iter().map(|source| from.get(*source as usize).copied().unwrap_or(outside)));
     }
 
-    fn gather(&self, from: &FixedBitSet, outside: bool) -> FixedBitSet {
-        let mut to = FixedBitSet::with_capacity(self.sources.len());
+    fn gather(&self, from: &FixedBitSet, outside: bool, to: &mut FixedBitSet) {
         const WORD: usize = usize::BITS as usize;
         for (word, sources) in to.as_mut_slice().iter_mut().zip(self.sources.chunks(WORD)) {
+            *word = 0;
             for (bit, source) in sources.iter().enumerate() {
                 let set = if *source == NOWHERE { outside } else { from.contains(*source as usize) };
                 *word |= usize::from(set) << bit;
             }
         }
-        to
     }
 }
 
-/// For a turn about z by `angle`: for each column of the turned grid the column that it comes from, `None` for outside.
-pub fn column_sources(dims: Dims, angle: f64) -> impl Iterator<Item = Option<usize>> {
+/// For a turn about z by `angle`: calls the function with the column that each column of the turned grid comes from, one after the
+/// other; `None` for outside.
+#[inline]
+pub fn for_each_column_source(dims: Dims, angle: f64, mut each: impl FnMut(Option<usize>)) {
     let (sin, cos) = snapped(angle);
     let (mx, my) = ((dims.x() as f64 - 1.0) / 2.0, (dims.y() as f64 - 1.0) / 2.0);
-    (0..dims.columns()).map(move |column| {
-        let (x, y) = ((column / dims.y()) as f64 - mx, (column % dims.y()) as f64 - my);
-        let i = (cos * x + sin * y + mx).round_ties_even();
-        let j = (cos * y - sin * x + my).round_ties_even();
-        let inside = i >= 0.0 && j >= 0.0 && i < dims.x() as f64 && j < dims.y() as f64;
-        inside.then(|| i as usize * dims.y() + j as usize)
-    })
+    for i in 0..dims.x() {
+        let x = i as f64 - mx;
+        for j in 0..dims.y() {
+            let y = j as f64 - my;
+            let (i, j) = (nearest(cos * x + sin * y + mx), nearest(cos * y - sin * x + my));
+            let inside = i >= 0.0 && j >= 0.0 && i < dims.x() as f64 && j < dims.y() as f64;
+            each(inside.then(|| i as usize * dims.y() + j as usize));
+        }
+    }
+}
+
+/// The nearest whole number, ties to even, as [`f64::round_ties_even`] gives it for |x| < 2⁵¹; that one calls a library where
+/// the CPU is not known to round.
+fn nearest(x: f64) -> f64 {
+    const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
+    (x + ROUND) - ROUND
 }
 
 /// Sine and cosine, exact for quarter turns.
@@ -155,6 +190,13 @@ mod tests {
     fn asymmetric() -> Occupancy {
         let dims = Dims::cube(9).unwrap();
         Occupancy::from_fn(dims, |i, j, k| (i == 7 && j < 6 && k == 2) || (i > 2 && j == 5 && k == 2) || (i == 3 && j == 4 && k < 6))
+    }
+
+    #[test]
+    fn the_nearest_whole_number_is_that_of_the_standard_library() {
+        for x in (-4000..4000).map(|i| f64::from(i) / 16.0).chain([0.499_999_999_999_999_94, 1e6 + 0.5]) {
+            assert_eq!(nearest(x), x.round_ties_even(), "{x}");
+        }
     }
 
     #[test]
@@ -231,7 +273,10 @@ mod tests {
         fn turning_columns_is_turning_voxels(angle in -7.0..7.0_f64) {
             let dims = Dims::new(9, 12, 8).unwrap();
             let turn = Turn::new(dims, &yaw(angle));
-            for (column, source) in column_sources(dims, angle).enumerate() {
+            let mut columns = Vec::new();
+            for_each_column_source(dims, angle, |source| columns.push(source));
+            prop_assert_eq!(columns.len(), dims.columns());
+            for (column, source) in columns.into_iter().enumerate() {
                 for k in 0..dims.z() {
                     let expected = source.map_or(NOWHERE, |source| (source * dims.z() + k) as u32);
                     prop_assert_eq!(turn.sources[column * dims.z() + k], expected);

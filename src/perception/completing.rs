@@ -6,7 +6,6 @@ use super::lanes::dispatch;
 use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
 use super::percept::Frame;
 use super::{Method, Percept, PoseSearch, Query};
-use crate::grid::Turn;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -47,14 +46,14 @@ impl Perceiver {
     }
 
     /// Turns a completion from the object's frame into the observation's grid. What was observed there stays as observed.
-    fn turn_into_grid(&self, work: &Workspace, percept: &mut Percept) {
-        let turn = Turn::new(self.model.dims(), &percept.rotation);
-        let (known, filled) = (work.seen.known(), work.seen.filled());
-        let mut turned = Vec::new();
-        turn.values(&percept.occupancy, 0.0, &mut turned);
-        std::mem::swap(&mut percept.occupancy, &mut turned);
-        turn.values(&percept.deviation, 0.0, &mut turned);
-        std::mem::swap(&mut percept.deviation, &mut turned);
+    fn turn_into_grid(&self, work: &mut Workspace, percept: &mut Percept) {
+        let Workspace { seen, turn, values: turned, .. } = work;
+        turn.set(&percept.rotation);
+        let (known, filled) = (seen.known(), seen.filled());
+        for values in [&mut percept.occupancy, &mut percept.deviation] {
+            turn.values(values, 0.0, turned);
+            std::mem::swap(values, turned);
+        }
         for (voxel, (p, deviation)) in percept.occupancy.iter_mut().zip(&mut percept.deviation).enumerate() {
             if known.contains(voxel) {
                 (*p, *deviation) = (f32::from(u8::from(filled.contains(voxel))), 0.0);

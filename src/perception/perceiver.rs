@@ -2,14 +2,15 @@
 
 use super::blend::{Scores, softmax};
 use super::known::Known;
-use super::pose::posterior::Sample;
+use super::pose::circle::Looked;
+use super::pose::posterior::{Merging, Sample};
 use super::pose::view_scores::ViewScores;
 use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
 use super::timings::{Stopwatch, Timings};
 use super::whitening::Whitening;
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
-use crate::grid::{Dims, Observation, Rotation};
+use crate::grid::{Dims, Observation, Rotation, Turn};
 use crate::linear::LinearError;
 use crate::model::Model;
 use rayon::prelude::*;
@@ -69,7 +70,16 @@ pub struct Workspace {
     /// Classes that take part in the completion, and their shares.
     pub(super) shares: Vec<(usize, f64)>,
     pub(super) columns: HullColumns,
+    /// What a search about z looked at, the angles that it was told of, and those at which classes are scored.
+    pub(super) looked: Looked,
+    pub(super) hints: Vec<f64>,
+    pub(super) finals: Vec<f64>,
     pub(super) samples: Vec<Sample>,
+    pub(super) merging: Merging,
+    /// The turn between the grid's frame and the object's, the observation turned by it, and values that are being turned.
+    pub(super) turn: Turn,
+    pub(super) turned: Observation,
+    pub(super) values: Vec<f32>,
     /// Runs since the query began.
     pub(super) stopwatch: Stopwatch,
 }
@@ -128,7 +138,14 @@ impl Perceiver {
             conditionals: self.subspaces.iter().map(|s| Conditional::new(s.size())).collect(),
             shares: Vec::with_capacity(m),
             columns: HullColumns::default(),
+            looked: Looked::default(),
+            hints: Vec::new(),
+            finals: Vec::new(),
             samples: Vec::new(),
+            merging: Merging::default(),
+            turn: Turn::new(dims, &Rotation::identity()),
+            turned: Observation::unknown(dims),
+            values: Vec::new(),
             stopwatch: Stopwatch::start(),
         }
     }

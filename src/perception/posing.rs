@@ -3,13 +3,13 @@
 use super::blend::softmax;
 use super::known::Known;
 use super::perceiver::{PerceiveError, Perceiver, Workspace, most_probable};
-use super::pose::circle::{Angle, Circle};
-use super::pose::posterior::hypotheses;
+use super::pose::circle::{Circle, Looked};
 use super::pose::yaw::log_residual;
-use super::subspace::Conditional;
+use super::subspace::{ClassSubspace, Conditional};
 use super::{Method, Percept, PoseSearch, Query};
 use crate::grid::{Observation, Rotation, Turn, yaw, yaw_of};
 use crate::linear::LinearError;
+use rayon::prelude::*;
 
 /// Rotations of a class within this of a mode belong to it.
 const MODE_RADIUS: f64 = 15.0 / 180.0 * std::f64::consts::PI;
@@ -30,12 +30,13 @@ impl Perceiver {
         percept.scores.iter_mut().filter(|score| !score.is_finite()).for_each(|score| *score = 0.0);
         percept.class = most_probable(&percept.posterior);
         let averaged = matches!(query.pose, PoseSearch::Yaw { .. });
-        percept.spread = hypotheses(&work.samples, &percept.posterior, MODE_RADIUS, averaged, &mut percept.hypotheses);
+        percept.spread = work.merging.hypotheses(&work.samples, &percept.posterior, MODE_RADIUS, averaged, &mut percept.hypotheses);
         percept.timings.posed = work.stopwatch.elapsed();
         let of_class = percept.hypotheses.iter().find(|h| h.class == percept.class);
         percept.rotation = of_class.map_or(Rotation::identity(), |h| h.rotation);
-        let turned = self.turned_back(&work.seen, &percept.rotation, query);
-        work.known.read(&turned);
+        work.turn.set(&percept.rotation.inverse());
+        work.turn.observation_into(&work.seen, query.outside, &mut work.turned);
+        work.known.read(&work.turned);
         work.forget();
         if query.method == Method::Paper && percept.informed {
             self.project_as_the_paper(query, work)?;
@@ -51,63 +52,71 @@ impl Perceiver {
     /// Class posterior and weighted angles.
     fn find_yaw(&self, span: f64, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
         let prior = query.rotation_prior.log_density(query.pose);
-        let hints: Vec<f64> = query.rotation_prior.centres().map(yaw_of).collect();
-        let calibration = &self.model.metadata.calibration;
         let m = self.model.classes.len();
-        let wanted: Vec<bool> = (0..m).map(|s| query.log_prior(s) > f64::NEG_INFINITY).collect();
-        let masked = |s: usize, score: f64| if wanted[s] { score } else { f64::NEG_INFINITY };
+        work.wanted.iter_mut().enumerate().for_each(|(s, wanted)| *wanted = query.log_prior(s) > f64::NEG_INFINITY);
+        let mut hints = std::mem::take(&mut work.hints);
+        hints.clear();
+        hints.extend(query.rotation_prior.centres().map(yaw_of));
+        let mut looked = std::mem::take(&mut work.looked);
         let circle = |temperature: f64| Circle { span, temperature, prior: &prior, hints: &hints };
-        if !percept.informed {
+        let calibration = &self.model.metadata.calibration;
+        let outcome = if !percept.informed {
             let circle = circle(1.0);
-            let angles = circle.search(|_| Ok::<_, LinearError>((0..m).map(|s| masked(s, 0.0)).collect()))?;
-            circle.samples(&angles, &mut work.samples);
-            return Ok(());
-        }
-        let view = self.view_of(query, work);
-        match (query.method, view) {
-            (Method::Auto, Some(view)) | (Method::Hull, Some(view)) => {
-                let circle = circle(1.0 / calibration.hull.hull.max(1e-9));
-                let angles = self.search_hull(view, &circle, &wanted, work)?;
-                percept.timings.projected = work.stopwatch.elapsed();
-                circle.samples(&angles, &mut work.samples);
-                self.classify_angles(view, &circle, &angles, query, work, percept);
+            let flat = |_: f64, scores: &mut [f64]| {
+                scores.iter_mut().zip(&work.wanted).for_each(|(score, wanted)| *score = if *wanted { 0.0 } else { f64::NEG_INFINITY });
+                Ok(())
+            };
+            let outcome = circle.search(m, &mut looked, flat);
+            looked.samples(&circle, &mut work.samples);
+            outcome
+        } else {
+            match (query.method, self.view_of(query, work)) {
+                (Method::Auto, Some(view)) | (Method::Hull, Some(view)) => {
+                    let circle = circle(1.0 / calibration.hull.hull.max(1e-9));
+                    let outcome = self.search_hull(view, &circle, &mut looked, work);
+                    percept.timings.projected = work.stopwatch.elapsed();
+                    looked.samples(&circle, &mut work.samples);
+                    self.classify_angles(view, &circle, &looked, query, work, percept);
+                    outcome
+                }
+                _ => {
+                    let by_distance = query.method == Method::Mean;
+                    let blend = if by_distance { &calibration.mean } else { &calibration.evidence };
+                    let weight = if by_distance { blend.distance } else { blend.evidence };
+                    let circle = circle(1.0 / weight.max(1e-9));
+                    let outcome = circle.search(m, &mut looked, |angle, scores| {
+                        let (evidence, distance) = self.score_turned(&self.turned_back(&work.seen, &yaw(angle), query), &work.wanted)?;
+                        scores.copy_from_slice(if by_distance { &distance } else { &evidence });
+                        Ok(())
+                    });
+                    percept.timings.projected = work.stopwatch.elapsed();
+                    looked.samples(&circle, &mut work.samples);
+                    for s in 0..m {
+                        let best = looked.best(&circle, s);
+                        percept.scores.push(best.map_or(f64::NEG_INFINITY, |(_, score)| score));
+                        let joint = best.map_or(f64::NEG_INFINITY, |(angle, score)| weight * score + prior(&yaw(angle)));
+                        percept.posterior.push(joint + blend.offsets[s] + query.log_prior(s));
+                    }
+                    softmax(&mut percept.posterior);
+                    outcome
+                }
             }
-            _ => {
-                let (blend, by_distance) = match query.method {
-                    Method::Mean => (&calibration.mean, true),
-                    _ => (&calibration.evidence, false),
-                };
-                let weight = if by_distance { blend.distance } else { blend.evidence };
-                let circle = circle(1.0 / weight.max(1e-9));
-                let seen = &work.seen;
-                let angles = circle.search(|angle| {
-                    let (evidence, distance) = self.score_turned(&self.turned_back(seen, &yaw(angle), query), &wanted)?;
-                    Ok::<_, LinearError>(if by_distance { distance } else { evidence })
-                })?;
-                percept.timings.projected = work.stopwatch.elapsed();
-                circle.samples(&angles, &mut work.samples);
-                let scores = (0..m).map(|s| circle.best(&angles, s).map_or(f64::NEG_INFINITY, |a| a.scores[s]));
-                percept.scores.extend(scores);
-                let joint = |s: usize| circle.best(&angles, s).map_or(f64::NEG_INFINITY, |a| weight * a.scores[s] + prior(&yaw(a.angle)));
-                percept.posterior.extend((0..m).map(|s| joint(s) + blend.offsets[s] + query.log_prior(s)));
-                softmax(&mut percept.posterior);
-            }
-        }
-        Ok(())
+        };
+        (work.hints, work.looked) = (hints, looked);
+        outcome
     }
 
     /// Looks for the angles by the hull, all classes with one covariance. What enters counts as empty even where nothing is known
     /// of it: filled, as unknown voxels of a hull are, it would be a wall that no object has.
-    fn search_hull(&self, view: usize, circle: &Circle<'_>, wanted: &[bool], work: &mut Workspace) -> Result<Vec<Angle>, LinearError> {
-        work.columns.read(self.model.dims(), &work.known.hull);
-        let columns = &work.columns;
-        circle.search(|angle| {
-            let mut projected = vec![0.0; self.model.rank()];
-            let volume = columns.project(self.model.dims(), &self.sums, -angle, &mut projected);
-            let residual = log_residual(volume, &projected);
-            let mut scores = self.common[view].log_densities(&projected, wanted);
+    fn search_hull(&self, view: usize, circle: &Circle<'_>, looked: &mut Looked, work: &mut Workspace) -> Result<(), LinearError> {
+        let Workspace { known, columns, projected, centred, wanted, .. } = work;
+        columns.read(self.model.dims(), &known.hull);
+        circle.search(wanted.len(), looked, |angle, scores| {
+            let volume = columns.project(self.model.dims(), &self.sums, -angle, projected);
+            let residual = log_residual(volume, projected);
+            self.common[view].log_densities(projected, wanted, centred, scores);
             scores.iter_mut().for_each(|score| *score += residual);
-            Ok(scores)
+            Ok(())
         })
     }
 
@@ -117,36 +126,33 @@ impl Perceiver {
         &self,
         view: usize,
         circle: &Circle<'_>,
-        angles: &[Angle],
+        looked: &Looked,
         query: &Query,
         work: &mut Workspace,
         percept: &mut Percept,
     ) {
         let blend = &self.model.metadata.calibration.hull;
+        let dof = self.model.metadata.calibration.degrees_of_freedom;
         let m = self.model.classes.len();
-        let mut finals: Vec<f64> = (0..m).filter_map(|s| circle.best(angles, s)).map(|a| a.angle).collect();
-        finals.sort_by(f64::total_cmp);
+        let finals = &mut work.finals;
+        finals.clear();
+        finals.extend((0..m).filter_map(|s| looked.best(circle, s)).map(|(angle, _)| angle));
+        finals.sort_unstable_by(f64::total_cmp);
         finals.dedup();
         percept.scores.resize(m, f64::NEG_INFINITY);
         percept.posterior.resize(m, f64::NEG_INFINITY);
-        for angle in finals {
+        for &angle in finals.iter() {
             let prior = (circle.prior)(&yaw(angle));
-            let scores = self.score_angle(view, angle, work);
-            for (s, score) in scores.into_iter().enumerate().filter(|(s, _)| query.log_prior(*s) > f64::NEG_INFINITY) {
+            let volume = work.columns.project(self.model.dims(), &self.sums, -angle, &mut work.projected);
+            let residual = log_residual(volume, &work.projected);
+            for (s, density) in self.hulls[view].iter().enumerate().filter(|(s, _)| work.wanted[*s]) {
+                let score = residual + density.log_student(&work.projected, dof, &mut work.centred);
                 percept.scores[s] = percept.scores[s].max(score);
                 let joint = blend.hull * score + blend.offsets[s] + prior + query.log_prior(s);
                 percept.posterior[s] = percept.posterior[s].max(joint);
             }
         }
         softmax(&mut percept.posterior);
-    }
-
-    /// Log density of the hull turned back by `angle`, for each class with its own covariance. `work.columns` holds the hull.
-    fn score_angle(&self, view: usize, angle: f64, work: &mut Workspace) -> Vec<f64> {
-        let volume = work.columns.project(self.model.dims(), &self.sums, -angle, &mut work.projected);
-        let residual = log_residual(volume, &work.projected);
-        let dof = self.model.metadata.calibration.degrees_of_freedom;
-        self.hulls[view].iter().map(|d| residual + d.log_student(&work.projected, dof, &mut work.centred)).collect()
     }
 
     /// Log evidence relative to a background without a class, and negative squared distance to the mean, of each wanted class.
@@ -157,19 +163,15 @@ impl Perceiver {
         let mut known = Known::new(self.model.dims());
         known.read(turned);
         let background = self.background(turned, &known);
-        let (mut evidence, mut distance) = (Vec::new(), Vec::new());
-        for (class, wanted) in self.subspaces.iter().zip(wanted) {
+        let score = |(class, wanted): (&ClassSubspace, &bool)| {
             if !wanted {
-                evidence.push(f64::NEG_INFINITY);
-                distance.push(f64::NEG_INFINITY);
-                continue;
+                return Ok((f64::NEG_INFINITY, f64::NEG_INFINITY));
             }
             let mut conditional = Conditional::new(class.size());
             class.condition(&known, self.noise, &mut conditional)?;
-            evidence.push(conditional.log_evidence - background);
-            distance.push(-conditional.distance2);
-        }
-        Ok((evidence, distance))
+            Ok((conditional.log_evidence - background, -conditional.distance2))
+        };
+        Ok(self.subspaces.par_iter().zip(wanted).map(score).collect::<Result<Vec<_>, _>>()?.into_iter().unzip())
     }
 
     /// The same for one class, whose posterior given the turned observation is left in `conditional`.

@@ -92,7 +92,7 @@ impl ColumnSums {
     }
 
     /// The same of the binary vector made of these runs (start, end), each inside one column; of the upper 16 bits.
-    pub fn project_runs(&self, runs: impl Iterator<Item = (usize, usize)>, out: &mut [f32]) {
+    pub fn project_runs(&self, runs: &[(u32, u32)], out: &mut [f32]) {
         dispatch(AddRuns(Sum::new(self, out), runs));
     }
 
@@ -175,16 +175,16 @@ impl Kernel for AddBits<'_> {
 }
 
 /// Adds the sums over runs.
-struct AddRuns<'a, R>(Sum<'a, false>, R);
+struct AddRuns<'a>(Sum<'a, false>, &'a [(u32, u32)]);
 
-impl<R: Iterator<Item = (usize, usize)>> Kernel for AddRuns<'_, R> {
+impl Kernel for AddRuns<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Self(mut sum, runs) = self;
         for (start, end) in runs {
-            sum.add(start, end);
+            sum.add(*start as usize, *end as usize);
         }
         sum.finish();
     }

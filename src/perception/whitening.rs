@@ -41,16 +41,17 @@ impl Whitening {
             scales[i] = (largest / f64::from(i16::MAX)) as f32;
             diagonal[i] = entry(i, i) as f32;
         }
-        let mut values = Vec::with_capacity(Self::values(a));
-        for first in (0..a).step_by(LANES) {
-            for j in 0..(first + LANES).min(a) {
-                for i in first..first + LANES {
-                    // A row of zeros has a scale of zero.
-                    let zero = j >= i || i >= a || scales[i] == 0.0;
-                    values.push(if zero { 0 } else { (entry(i, j) / f64::from(scales[i])).round() as i16 });
-                }
-            }
-        }
+        let rounded = |i: usize, j: usize| match scales[i] {
+            _ if j >= i || i >= a => 0,
+            // A row of zeros.
+            0.0 => 0,
+            scale => (entry(i, j) / f64::from(scale)).round() as i16,
+        };
+        let blocks = (0..a).step_by(LANES);
+        let values: Vec<i16> = blocks
+            .flat_map(|first| (0..(first + LANES).min(a)).flat_map(move |j| (first..first + LANES).map(move |i| (i, j))))
+            .map(|(i, j)| rounded(i, j))
+            .collect();
         collapse(&values);
         Ok(Self { rank: a, values, scales, diagonal, deviations })
     }

@@ -9,7 +9,6 @@
 
 use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
-use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Step of the coarse grid, at most; it divides the span.
@@ -31,18 +30,75 @@ pub struct Circle<'a> {
     /// What scores are divided by to be log densities over angles.
     pub temperature: f64,
     /// Log density over rotations, relative to the uniform one.
-    pub prior: &'a (dyn Fn(&Rotation) -> f64 + Sync),
+    pub prior: &'a dyn Fn(&Rotation) -> f64,
     /// Angles to look at besides the grid.
     pub hints: &'a [f64],
 }
 
-/// One angle that was looked at.
-#[derive(Clone, Debug)]
-pub struct Angle {
+/// The angles that were looked at. Keeps its memory from search to search.
+#[derive(Clone, Debug, Default)]
+pub struct Looked {
+    /// In the order of looking; ascending once a search is over.
+    angles: Vec<Angle>,
+    /// Score of each class at each angle; −∞ for those that are not wanted.
+    scores: Vec<f64>,
+    classes: usize,
+    peaks: Vec<(f64, Angle)>,
+}
+
+/// One angle.
+#[derive(Clone, Copy, Debug)]
+struct Angle {
     /// Radians, in \[0, span).
-    pub angle: f64,
-    /// Score of each class; −∞ for those that are not wanted.
-    pub scores: Vec<f64>,
+    angle: f64,
+    /// Log density of the prior there.
+    prior: f64,
+    /// The most probable class, and the log density there.
+    best: (usize, f64),
+    /// Where its scores begin.
+    scores: usize,
+}
+
+impl Looked {
+    fn clear(&mut self, classes: usize) {
+        self.angles.clear();
+        self.scores.clear();
+        self.classes = classes;
+    }
+
+    fn scores(&self, at: Angle) -> &[f64] {
+        &self.scores[at.scores..at.scores + self.classes]
+    }
+
+    fn find(&self, angle: f64) -> Option<Angle> {
+        self.angles.iter().find(|a| (a.angle - angle).abs() < SAME).copied()
+    }
+
+    /// The angle at which each class is most probable, and its score there; `None` for those that are not wanted.
+    pub fn best(&self, circle: &Circle<'_>, class: usize) -> Option<(f64, f64)> {
+        let scored = self.angles.iter().map(|a| (a, self.scores(*a)[class])).filter(|(_, score)| score.is_finite());
+        let valued = scored.map(|(a, score)| (score / circle.temperature + a.prior, a.angle, score));
+        valued.reduce(|best, next| if next.0 > best.0 { next } else { best }).map(|(_, angle, score)| (angle, score))
+    }
+
+    /// The posterior's samples: every angle stands for those nearest to it.
+    pub fn samples(&self, circle: &Circle<'_>, out: &mut Vec<Sample>) {
+        out.clear();
+        let (n, span) = (self.angles.len(), circle.span);
+        let at = |i: usize| self.angles[i].angle;
+        for (i, looked) in self.angles.iter().enumerate() {
+            // Half the way to the neighbours, around the circle; where the span is less, its ends share the rest of it.
+            let before = if i > 0 { at(i) - at(i - 1) } else { at(i) + span - at(n - 1) };
+            let after = if i + 1 < n { at(i + 1) - at(i) } else { at(0) + span - at(i) };
+            let (rotation, share) = (yaw(looked.angle), (before + after) / (2.0 * span));
+            out.extend(self.scores(*looked).iter().enumerate().filter(|(_, score)| score.is_finite()).map(|(class, score)| Sample {
+                rotation,
+                class,
+                log_density: score / circle.temperature + looked.prior,
+                share,
+            }));
+        }
+    }
 }
 
 impl Circle<'_> {
@@ -55,126 +111,94 @@ impl Circle<'_> {
         if self.is_whole() { Some(angle.rem_euclid(TAU)) } else { (0.0..self.span).contains(&angle).then_some(angle) }
     }
 
-    /// All angles that were looked at, ascending. `look` gives the score of each class at an angle.
-    pub fn search<E: Send>(&self, look: impl Fn(f64) -> Result<Vec<f64>, E> + Sync) -> Result<Vec<Angle>, E> {
-        let look = |angle: f64| look(angle).map(|scores| Angle { angle, scores });
+    /// Finds the angles to look at, and leaves them in `looked`, ascending. `look` writes the score of each of `classes` at an angle.
+    pub fn search<E>(&self, classes: usize, looked: &mut Looked, mut look: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<(), E> {
+        looked.clear(classes);
+        let mut look = |angle: f64, looked: &mut Looked| self.look(angle, looked, &mut look);
         let count = (self.span / COARSE - 1e-9).ceil().max(1.0) as usize;
-        let mut grid: Vec<f64> = (0..count).map(|i| i as f64 * self.span / count as f64).collect();
-        grid.extend(self.hints.iter().filter_map(|hint| self.normal(*hint)));
-        grid.sort_by(f64::total_cmp);
-        grid.dedup_by(|a, b| (*a - *b).abs() < SAME);
-        let mut angles: Vec<Angle> = grid.par_iter().map(|angle| look(*angle)).collect::<Result<_, E>>()?;
-        let values: Vec<f64> = angles.iter().map(|a| self.value(a).1).collect();
-        let peaks = self.peaks(&values);
-        let climbed: Vec<Vec<Angle>> = peaks.par_iter().map(|peak| self.climb(&angles[*peak], &look)).collect::<Result<_, E>>()?;
-        angles.extend(climbed.into_iter().flatten());
-        angles.sort_by(|a, b| a.angle.total_cmp(&b.angle));
-        angles.dedup_by(|a, b| (a.angle - b.angle).abs() < SAME);
-        Ok(angles)
+        for i in 0..count {
+            look(i as f64 * self.span / count as f64, looked)?;
+        }
+        for hint in self.hints.iter().filter_map(|hint| self.normal(*hint)) {
+            look(hint, looked)?;
+        }
+        looked.angles.sort_unstable_by(|a, b| a.angle.total_cmp(&b.angle));
+        self.find_peaks(looked);
+        for i in 0..looked.peaks.len() {
+            self.climb(looked.peaks[i].1, looked, &mut look)?;
+        }
+        looked.angles.sort_unstable_by(|a, b| a.angle.total_cmp(&b.angle));
+        Ok(())
     }
 
-    /// The best class at an angle, and its log density there.
-    fn value(&self, angle: &Angle) -> (usize, f64) {
-        let class = (0..angle.scores.len()).fold(0, |best, s| if angle.scores[s] > angle.scores[best] { s } else { best });
-        (class, self.value_of(class, angle))
-    }
-
-    fn value_of(&self, class: usize, angle: &Angle) -> f64 {
-        angle.scores[class] / self.temperature + (self.prior)(&yaw(angle.angle))
+    /// Looks at an angle, if nobody has.
+    fn look<E>(&self, angle: f64, looked: &mut Looked, look: &mut impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<Angle, E> {
+        if let Some(known) = looked.find(angle) {
+            return Ok(known);
+        }
+        let start = looked.scores.len();
+        looked.scores.resize(start + looked.classes, 0.0);
+        let scores = &mut looked.scores[start..];
+        look(angle, scores)?;
+        let prior = (self.prior)(&yaw(angle));
+        let class = (0..scores.len()).fold(0, |best, s| if scores[s] > scores[best] { s } else { best });
+        let value = scores.get(class).map_or(f64::NEG_INFINITY, |score| score / self.temperature + prior);
+        let at = Angle { angle, prior, best: (class, value), scores: start };
+        looked.angles.push(at);
+        Ok(at)
     }
 
     /// The peaks of the coarse grid that are worth climbing, best first.
-    fn peaks(&self, values: &[f64]) -> Vec<usize> {
-        let n = values.len();
-        let below = |i: usize, j: Option<usize>| j.is_none_or(|j| values[j] < values[i] || (values[j] == values[i] && i <= j));
+    fn find_peaks(&self, looked: &mut Looked) {
+        let Looked { angles, peaks, .. } = looked;
+        let n = angles.len();
+        let value = |i: usize| angles[i].best.1;
+        let below = |i: usize, j: Option<usize>| j.is_none_or(|j| value(j) < value(i) || (value(j) == value(i) && i <= j));
         let whole = self.is_whole();
         let left = |i: usize| if i > 0 { Some(i - 1) } else { whole.then_some(n - 1) };
         let right = |i: usize| if i + 1 < n { Some(i + 1) } else { whole.then_some(0) };
-        let mut peaks: Vec<usize> = (0..n).filter(|&i| below(i, left(i)) && below(i, right(i))).collect();
-        peaks.sort_by(|a, b| values[*b].total_cmp(&values[*a]).then(a.cmp(b)));
-        let best = peaks.first().map_or(0.0, |p| values[*p]);
-        peaks.retain(|p| values[*p] >= best - HOPELESS);
+        peaks.clear();
+        peaks.extend((0..n).filter(|&i| below(i, left(i)) && below(i, right(i))).map(|i| (value(i), angles[i])));
+        peaks.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.angle.total_cmp(&b.1.angle)));
+        let best = peaks.first().map_or(0.0, |p| p.0);
+        peaks.retain(|p| p.0 >= best - HOPELESS);
         peaks.truncate(MOST_MODES);
-        peaks
     }
 
-    /// The angles looked at in climbing from a peak of the coarse grid.
-    fn climb<E>(&self, start: &Angle, look: &impl Fn(f64) -> Result<Angle, E>) -> Result<Vec<Angle>, E> {
-        let (mut class, mut top) = self.value(start);
-        let mut at = start.angle;
-        let mut looked: Vec<Angle> = Vec::new();
-        let find = |looked: &[Angle], angle: f64| looked.iter().position(|a| (a.angle - angle).abs() < SAME);
+    /// Climbs from a peak of the coarse grid.
+    fn climb<E>(&self, start: Angle, looked: &mut Looked, look: &mut impl FnMut(f64, &mut Looked) -> Result<Angle, E>) -> Result<(), E> {
+        let mut top = start;
         for step in FINE {
             for _ in 0..4 {
-                let before = at;
+                let before = top.angle;
                 for next in [before - step, before + step].into_iter().filter_map(|next| self.normal(next)) {
-                    if (next - start.angle).abs() < SAME || find(&looked, next).is_some() {
-                        continue;
-                    }
-                    let angle = look(next)?;
-                    let (best, value) = self.value(&angle);
-                    looked.push(angle);
-                    if value > top {
-                        (at, class, top) = (next, best, value);
+                    let next = look(next, looked)?;
+                    if next.best.1 > top.best.1 {
+                        top = next;
                     }
                 }
-                if at == before {
+                if top.angle == before {
                     break;
                 }
             }
         }
         // The top of a parabola through the best angle and its neighbours at two degrees, which smooths what nearest-neighbour
         // resampling adds.
-        let wide = FINE[1];
+        let (wide, (class, height)) = (FINE[1], top.best);
         let mut sides = [0.0; 2];
         for (side, by) in sides.iter_mut().zip([-wide, wide]) {
-            let Some(next) = self.normal(at + by) else { return Ok(looked) };
-            let place = match find(&looked, next) {
-                Some(place) => place,
-                None => {
-                    looked.push(look(next)?);
-                    looked.len() - 1
-                }
-            };
-            *side = self.value_of(class, &looked[place]);
+            let Some(next) = self.normal(top.angle + by) else { return Ok(()) };
+            let next = look(next, looked)?;
+            *side = looked.scores(next)[class] / self.temperature + next.prior;
         }
-        let bend = sides[0] - 2.0 * top + sides[1];
+        let bend = sides[0] - 2.0 * height + sides[1];
         if bend < 0.0 {
             let shift = (0.5 * wide * (sides[0] - sides[1]) / bend).clamp(-wide / 2.0, wide / 2.0);
-            if let Some(next) = self.normal(at + shift).filter(|next| (next - at).abs() > SAME) {
-                looked.push(look(next)?);
+            if let Some(next) = self.normal(top.angle + shift) {
+                look(next, looked)?;
             }
         }
-        Ok(looked)
-    }
-
-    /// The posterior's samples: every angle stands for those nearest to it.
-    pub fn samples(&self, angles: &[Angle], out: &mut Vec<Sample>) {
-        out.clear();
-        let n = angles.len();
-        for (i, looked) in angles.iter().enumerate() {
-            // Half the way to the neighbours, around the circle; where the span is less, its ends share the rest of it.
-            let before = if i > 0 { looked.angle - angles[i - 1].angle } else { looked.angle + self.span - angles[n - 1].angle };
-            let after = if i + 1 < n { angles[i + 1].angle - looked.angle } else { angles[0].angle + self.span - looked.angle };
-            let rotation = yaw(looked.angle);
-            let prior = (self.prior)(&rotation);
-            let share = (before + after) / (2.0 * self.span);
-            out.extend(looked.scores.iter().enumerate().filter(|(_, score)| score.is_finite()).map(|(class, score)| Sample {
-                rotation,
-                class,
-                log_density: score / self.temperature + prior,
-                share,
-            }));
-        }
-    }
-
-    /// The angle at which each class is most probable; `None` for those that are not wanted.
-    pub fn best<'a>(&self, angles: &'a [Angle], class: usize) -> Option<&'a Angle> {
-        let wanted = angles.iter().filter(|a| a.scores[class].is_finite());
-        wanted.fold(None, |best: Option<&Angle>, a| match best {
-            Some(b) if self.value_of(class, b) >= self.value_of(class, a) => best,
-            _ => Some(a),
-        })
+        Ok(())
     }
 }
 
@@ -194,6 +218,16 @@ mod tests {
         Circle { span, temperature: 1.0, prior: &flat, hints }
     }
 
+    fn search<const M: usize>(circle: &Circle<'_>, score: impl Fn(f64) -> [f64; M]) -> Looked {
+        let mut looked = Looked::default();
+        let look = |angle: f64, scores: &mut [f64]| {
+            scores.copy_from_slice(&score(angle));
+            Ok::<_, Infallible>(())
+        };
+        circle.search(M, &mut looked, look).unwrap();
+        looked
+    }
+
     fn apart(a: f64, b: f64) -> f64 {
         ((a - b + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0).abs()
     }
@@ -203,14 +237,15 @@ mod tests {
         for span in [0.05, 1.0, TAU / 2.0, TAU] {
             let hints = [0.7 * span, 3.0 * span];
             let circle = circle(span, &hints);
-            let angles = circle.search(|a| Ok::<_, Infallible>(vec![-20.0 * apart(a, span), f64::NEG_INFINITY])).unwrap();
-            assert!(angles.iter().all(|a| (0.0..span).contains(&a.angle)));
-            assert!(angles.iter().any(|a| (a.angle - 0.7 * span).abs() < 1e-9));
+            let looked = search(&circle, |a| [-20.0 * apart(a, span), f64::NEG_INFINITY]);
+            assert!(looked.angles.iter().all(|a| (0.0..span).contains(&a.angle)));
+            assert!(looked.angles.iter().any(|a| (a.angle - 0.7 * span).abs() < 1e-9));
+            assert!(looked.angles.windows(2).all(|w| w[1].angle - w[0].angle >= SAME));
             let mut samples = Vec::new();
-            circle.samples(&angles, &mut samples);
+            looked.samples(&circle, &mut samples);
             assert!(samples.iter().all(|s| s.class == 0 && s.share > 0.0));
             assert!((samples.iter().map(|s| s.share).sum::<f64>() - 1.0).abs() < 1e-9);
-            assert!(circle.best(&angles, 1).is_none());
+            assert!(looked.best(&circle, 1).is_none());
         }
     }
 
@@ -219,15 +254,15 @@ mod tests {
         for i in 0..100 {
             let (top, sharp) = (0.063 * f64::from(i), 30.0 + f64::from(i * 7 % 100));
             let circle = circle(TAU, &[]);
-            let angles = circle.search(|a| Ok::<_, Infallible>(vec![sharp * apart(a, top).cos()])).unwrap();
-            let found = circle.best(&angles, 0).unwrap().angle;
+            let found = search(&circle, |a| [sharp * apart(a, top).cos()]).best(&circle, 0).unwrap().0;
             assert!(apart(found, top) < 0.05 * DEGREE, "{} {}", found / DEGREE, top / DEGREE);
         }
     }
 
     #[test]
     fn an_error_of_the_score_is_passed_on() {
-        assert_eq!(circle(TAU, &[]).search(|a| if a > 1.0 { Err("no") } else { Ok(vec![0.0]) }).unwrap_err(), "no");
+        let look = |a: f64, _: &mut [f64]| if a > 1.0 { Err("no") } else { Ok(()) };
+        assert_eq!(circle(TAU, &[]).search(1, &mut Looked::default(), look).unwrap_err(), "no");
     }
 
     proptest! {
@@ -242,11 +277,11 @@ mod tests {
                 mine.map(|(_, (at, height, sharp))| height + sharp * (apart(angle, *at).cos() - 1.0)).fold(-1e3, f64::max)
             };
             let circle = circle(TAU, &[]);
-            let angles = circle.search(|a| Ok::<_, Infallible>(vec![score(a, 0), score(a, 1)])).unwrap();
+            let looked = search(&circle, |a| [score(a, 0), score(a, 1)]);
             let exhaustive = (0..36_000).map(|i| f64::from(i) * DEGREE / 100.0);
             let best = exhaustive.flat_map(|a| [score(a, 0), score(a, 1)]).fold(f64::NEG_INFINITY, f64::max);
             let sharpest = peaks.iter().map(|peak| peak.2).fold(0.0, f64::max);
-            let found = (0..2).map(|class| score(circle.best(&angles, class).unwrap().angle, class)).fold(f64::NEG_INFINITY, f64::max);
+            let found = (0..2).map(|class| score(looked.best(&circle, class).unwrap().0, class)).fold(f64::NEG_INFINITY, f64::max);
             prop_assert!(best - found < 0.001 + sharpest * (1.0 - (5.0 * DEGREE).cos()), "{best} {found}");
         }
     }

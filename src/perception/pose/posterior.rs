@@ -34,58 +34,75 @@ pub struct Sample {
     pub share: f64,
 }
 
-/// Merges samples into modes. `classes` holds P(s | query); within a class the samples share it in proportion to density ×
-/// share. A mode is a peak with all samples of its class that lie within `radius` radians of it.
-///
-/// The rotation of a mode is its peak's, or with `averaged` the middle of the peak's flat top: samples beside each other,
-/// rather than refined ones, tell no more.
-///
-/// Gives at most [`MOST_HYPOTHESES`], most probable first, and the spread: the expected angle to the first of them, radians.
-pub fn hypotheses(samples: &[Sample], classes: &[f64], radius: f64, averaged: bool, out: &mut Vec<Hypothesis>) -> f64 {
-    out.clear();
-    let mut weighted: Vec<(f64, Sample)> = Vec::with_capacity(samples.len());
-    for (class, p) in classes.iter().enumerate().filter(|(_, p)| **p > 0.0) {
-        let of_class = || samples.iter().filter(|s| s.class == class && s.log_density.is_finite());
-        let peak = of_class().map(|s| s.log_density).fold(f64::NEG_INFINITY, f64::max);
-        let weight = |s: &Sample| (s.log_density - peak).exp() * s.share;
-        let total: f64 = of_class().map(weight).sum();
-        if total > 0.0 {
-            weighted.extend(
-                of_class().map(|s| (p * weight(s) / total, Sample { log_density: p.ln() + s.log_density - peak - total.ln(), ..*s })),
-            );
-        }
-    }
-    // Peaks first: by density, so that a narrow sample on top of a mode stands for it; ties in the order of the samples.
-    weighted.sort_by(|a, b| b.1.log_density.total_cmp(&a.1.log_density));
-    let nearest = (radius / 2.0).cos();
-    let mut taken = vec![false; weighted.len()];
-    let total: f64 = weighted.iter().map(|(weight, _)| weight).sum();
-    let mut left = total;
-    for i in 0..weighted.len() {
-        // What is left cannot make a hypothesis that would be reported.
-        let least = if out.len() < MOST_HYPOTHESES { 1e-6 * total } else { out[MOST_HYPOTHESES - 1].probability };
-        if left <= least {
-            break;
-        }
-        if taken[i] {
-            continue;
-        }
-        let peak = weighted[i].1;
-        let mut probability = 0.0;
-        for (taken, (weight, sample)) in taken.iter_mut().zip(&weighted).skip(i) {
-            if !*taken && sample.class == peak.class && sample.rotation.coords.dot(&peak.rotation.coords).abs() >= nearest {
-                *taken = true;
-                probability += weight;
+/// Merges samples into modes. Keeps its memory from query to query.
+#[derive(Clone, Debug, Default)]
+pub struct Merging {
+    /// Samples by falling density, with their weights.
+    weighted: Vec<(f64, Sample)>,
+    taken: Vec<bool>,
+}
+
+impl Merging {
+    /// `classes` holds P(s | query); within a class the samples share it in proportion to density × share. A mode is a peak with
+    /// all samples of its class that lie within `radius` radians of it.
+    ///
+    /// The rotation of a mode is its peak's, or with `averaged` the middle of the peak's flat top: samples beside each other,
+    /// rather than refined ones, tell no more.
+    ///
+    /// Gives at most [`MOST_HYPOTHESES`], most probable first, and the spread: the expected angle to the first of them, radians.
+    pub fn hypotheses(&mut self, samples: &[Sample], classes: &[f64], radius: f64, averaged: bool, out: &mut Vec<Hypothesis>) -> f64 {
+        out.clear();
+        out.reserve(MOST_HYPOTHESES + 1);
+        let Self { weighted, taken } = self;
+        weighted.clear();
+        for (class, p) in classes.iter().enumerate().filter(|(_, p)| **p > 0.0) {
+            let of_class = || samples.iter().filter(|s| s.class == class && s.log_density.is_finite());
+            let peak = of_class().map(|s| s.log_density).fold(f64::NEG_INFINITY, f64::max);
+            let weight = |s: &Sample| (s.log_density - peak).exp() * s.share;
+            let total: f64 = of_class().map(weight).sum();
+            if total > 0.0 {
+                let shift = p.ln() - peak - total.ln();
+                weighted.extend(of_class().map(|s| (p * weight(s) / total, Sample { log_density: s.log_density + shift, ..*s })));
             }
         }
-        left -= probability;
-        let rotation = if averaged { middle(&weighted[i..], &peak) } else { peak.rotation };
-        let place = out.iter().position(|h| h.probability < probability).unwrap_or(out.len());
-        out.insert(place, Hypothesis { rotation, class: peak.class, probability });
-        out.truncate(MOST_HYPOTHESES);
+        // Peaks first: by density, so that a narrow sample on top of a mode stands for it; ties by class and rotation.
+        let order = |s: &Sample| (s.class, s.rotation.i, s.rotation.j, s.rotation.k, s.rotation.w);
+        weighted.sort_unstable_by(|a, b| {
+            let ((c, i, j, k, w), (d, x, y, z, v)) = (order(&a.1), order(&b.1));
+            let by_rotation = || i.total_cmp(&x).then(j.total_cmp(&y)).then(k.total_cmp(&z)).then(w.total_cmp(&v));
+            b.1.log_density.total_cmp(&a.1.log_density).then(c.cmp(&d)).then_with(by_rotation)
+        });
+        let nearest = (radius / 2.0).cos();
+        taken.clear();
+        taken.resize(weighted.len(), false);
+        let total: f64 = weighted.iter().map(|(weight, _)| weight).sum();
+        let mut left = total;
+        for i in 0..weighted.len() {
+            // What is left cannot make a hypothesis that would be reported.
+            let least = if out.len() < MOST_HYPOTHESES { 1e-6 * total } else { out[MOST_HYPOTHESES - 1].probability };
+            if left <= least {
+                break;
+            }
+            if taken[i] {
+                continue;
+            }
+            let peak = weighted[i].1;
+            let mut probability = 0.0;
+            for (taken, (weight, sample)) in taken.iter_mut().zip(&*weighted).skip(i) {
+                if !*taken && sample.class == peak.class && sample.rotation.coords.dot(&peak.rotation.coords).abs() >= nearest {
+                    *taken = true;
+                    probability += weight;
+                }
+            }
+            left -= probability;
+            let rotation = if averaged { middle(&weighted[i..], &peak) } else { peak.rotation };
+            let place = out.iter().position(|h| h.probability < probability).unwrap_or(out.len());
+            out.insert(place, Hypothesis { rotation, class: peak.class, probability });
+            out.truncate(MOST_HYPOTHESES);
+        }
+        let Some(first) = out.first() else { return 0.0 };
+        weighted.iter().map(|(weight, sample)| weight * first.rotation.angle_to(&sample.rotation)).sum::<f64>() / total
     }
-    let Some(first) = out.first() else { return 0.0 };
-    weighted.iter().map(|(weight, sample)| weight * first.rotation.angle_to(&sample.rotation)).sum::<f64>() / total
 }
 
 /// The mean of the samples at the top of a mode, which is flat where a small turn changes no voxel. `from` begins with the
@@ -118,7 +135,8 @@ mod tests {
     #[test]
     fn four_equal_modes_are_four_hypotheses() {
         let mut out = Vec::new();
-        let spread = hypotheses(&circle(|a| 50.0 * (4.0 * (a - 0.3)).cos()), &[0.8, 0.2], 15_f64.to_radians(), true, &mut out);
+        let spread =
+            Merging::default().hypotheses(&circle(|a| 50.0 * (4.0 * (a - 0.3)).cos()), &[0.8, 0.2], 15_f64.to_radians(), true, &mut out);
         assert_eq!(out.len(), 4);
         for h in &out {
             assert!((h.probability - 0.2).abs() < 0.002, "{h:?}");
@@ -132,7 +150,7 @@ mod tests {
     #[test]
     fn a_flat_posterior_says_that_nothing_is_known() {
         let mut out = Vec::new();
-        let spread = hypotheses(&circle(|_| 0.0), &[1.0], 15_f64.to_radians(), true, &mut out);
+        let spread = Merging::default().hypotheses(&circle(|_| 0.0), &[1.0], 15_f64.to_radians(), true, &mut out);
         assert_eq!(out.len(), MOST_HYPOTHESES);
         assert!(out.iter().all(|h| h.probability < 0.09));
         assert!((spread - PI / 2.0).abs() < 1e-3, "{spread}");
@@ -141,9 +159,9 @@ mod tests {
     #[test]
     fn a_class_without_samples_or_without_probability_is_left_out() {
         let mut out = Vec::new();
-        assert_eq!(hypotheses(&[], &[1.0], 0.2, true, &mut out), 0.0);
+        assert_eq!(Merging::default().hypotheses(&[], &[1.0], 0.2, true, &mut out), 0.0);
         assert!(out.is_empty());
-        hypotheses(&circle(|a| 100.0 * a.cos()), &[0.0, 1.0], 0.2, true, &mut out);
+        Merging::default().hypotheses(&circle(|a| 100.0 * a.cos()), &[0.0, 1.0], 0.2, true, &mut out);
         assert!(out.is_empty());
     }
 }

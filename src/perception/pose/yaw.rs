@@ -5,9 +5,10 @@
 //! of itself in W'. What remains outside, ‖h‖² − ‖z‖², makes it one (the second term of probabilistic PCA). For the search
 //! all classes share one covariance, so that an angle costs one projection, one whitening, and one distance per class.
 
-use crate::grid::{Dims, column_sources, for_each_run};
+use crate::grid::{Dims, for_each_column_source, for_each_run};
 use crate::linear::LinearError;
 use crate::perception::ColumnSums;
+use crate::perception::lanes::{Kernel, LANES, dispatch, multiply_add};
 use crate::perception::whitening::Whitening;
 use faer::Mat;
 use fixedbitset::FixedBitSet;
@@ -49,20 +50,37 @@ impl CommonDensity {
         out
     }
 
-    /// The log density of `z` (a values) for each class, up to a common constant; −∞ for classes that are not `wanted`.
-    pub fn log_densities(&self, z: &[f32], wanted: &[bool]) -> Vec<f64> {
-        let whitened = self.whiten(z);
+    /// The log density of `z` (a values) for each class, up to a common constant, into `scores`; −∞ for classes that are not
+    /// `wanted`. Uses z and `whitened`, of as many values, as scratch.
+    pub fn log_densities(&self, z: &mut [f32], wanted: &[bool], whitened: &mut [f32], scores: &mut [f64]) {
+        self.whitening.whiten(z, whitened);
         let (a, nu) = (self.rank as f64, self.degrees_of_freedom);
-        let means = self.means.chunks_exact(self.rank).zip(wanted);
-        means
-            .map(|(mean, wanted)| {
-                if !wanted {
-                    return f64::NEG_INFINITY;
-                }
-                let distance2: f64 = mean.iter().zip(&whitened).map(|(m, z)| f64::from(m - z).powi(2)).sum();
-                -0.5 * (nu + a) * (distance2 / nu).ln_1p()
-            })
-            .collect()
+        for ((score, mean), wanted) in scores.iter_mut().zip(self.means.chunks_exact(self.rank)).zip(wanted) {
+            *score = match wanted {
+                true => -0.5 * (nu + a) * (f64::from(dispatch(Distance2(mean, whitened))) / nu).ln_1p(),
+                false => f64::NEG_INFINITY,
+            };
+        }
+    }
+}
+
+/// Squared distance of two vectors.
+struct Distance2<'a>(&'a [f32], &'a [f32]);
+
+impl Kernel for Distance2<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> f32 {
+        let (a, b) = (self.0.as_chunks::<LANES>(), self.1.as_chunks::<LANES>());
+        let mut sums = [0.0; LANES];
+        for (a, b) in a.0.iter().zip(b.0) {
+            for l in 0..LANES {
+                sums[l] = multiply_add::<FUSED>(a[l] - b[l], a[l] - b[l], sums[l]);
+            }
+        }
+        let rest: f32 = a.1.iter().zip(b.1).map(|(a, b)| (a - b) * (a - b)).sum();
+        sums.iter().sum::<f32>() + rest
     }
 }
 
@@ -73,6 +91,8 @@ pub struct HullColumns {
     runs: Vec<(u32, u32)>,
     /// Where the runs of each column begin; one more than there are columns.
     starts: Vec<u32>,
+    /// Runs of voxels of the hull turned.
+    turned: Vec<(u32, u32)>,
 }
 
 impl HullColumns {
@@ -89,14 +109,21 @@ impl HullColumns {
     }
 
     /// W'ᵀh of the hull turned by `angle`, into `out` (a values); gives the voxels of that hull. What enters is empty.
-    pub fn project(&self, dims: Dims, sums: &ColumnSums, angle: f64, out: &mut [f32]) -> f64 {
-        let mut voxels = 0;
-        let runs = column_sources(dims, angle).enumerate().flat_map(|(column, source)| {
-            let runs = source.map_or(&[][..], |source| &self.runs[self.starts[source] as usize..self.starts[source + 1] as usize]);
-            runs.iter().map(move |(start, end)| (column * dims.z() + *start as usize, column * dims.z() + *end as usize))
+    pub fn project(&mut self, dims: Dims, sums: &ColumnSums, angle: f64, out: &mut [f32]) -> f64 {
+        let Self { runs, starts, turned } = self;
+        turned.clear();
+        let (mut bottom, mut voxels) = (0, 0);
+        for_each_column_source(dims, angle, |source| {
+            if let Some(source) = source {
+                for (start, end) in &runs[starts[source] as usize..starts[source + 1] as usize] {
+                    turned.push((bottom + start, bottom + end));
+                    voxels += end - start;
+                }
+            }
+            bottom += dims.z() as u32;
         });
-        sums.project_runs(runs.inspect(|(start, end)| voxels += end - start), out);
-        voxels as f64
+        sums.project_runs(turned, out);
+        f64::from(voxels)
     }
 }
 
@@ -120,9 +147,13 @@ mod tests {
         for (s, mean) in [one, two].into_iter().enumerate() {
             let density = Density::new(mean, &scale).unwrap();
             let expected = density.log_student(&z, 7.0, &mut [0.0; 2]) - density.log_volume();
-            assert!((densities.log_densities(&z, &[true; 2])[s] - expected).abs() < 1e-5);
+            let mut found = [0.0; 2];
+            densities.log_densities(&mut z.clone(), &[true; 2], &mut [0.0; 2], &mut found);
+            assert!((found[s] - expected).abs() < 1e-5);
         }
-        assert_eq!(densities.log_densities(&z, &[false, true])[0], f64::NEG_INFINITY);
+        let mut found = [0.0; 2];
+        densities.log_densities(&mut z.clone(), &[false, true], &mut [0.0; 2], &mut found);
+        assert!(found[0] == f64::NEG_INFINITY && found[1].is_finite());
     }
 
     proptest! {
