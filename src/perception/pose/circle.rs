@@ -6,6 +6,8 @@
 //!
 //! What is guaranteed: the answer is at least as probable as the best angle of the grid, from which the best of all is no
 //! more than half a step away. A mode exp(κ cos θ) can so be missed for one that is at most κ (1 − cos 5°) nats below it.
+//!
+//! Where the object is expected somewhere, the search begins there as well, and elsewhere steps of 15° do.
 
 use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
@@ -13,6 +15,8 @@ use std::f64::consts::TAU;
 
 /// Step of the coarse grid, at most; it divides the span.
 const COARSE: f64 = 10.0 / 360.0 * TAU;
+/// The same where there are hints.
+const COARSE_ELSEWHERE: f64 = 15.0 / 360.0 * TAU;
 /// Steps of the hill climbing, each in turn.
 const FINE: [f64; 3] = [5.0 / 360.0 * TAU, 2.0 / 360.0 * TAU, 1.0 / 360.0 * TAU];
 /// Modes that are refined, at most …
@@ -115,7 +119,8 @@ impl Circle<'_> {
     pub fn search<E>(&self, classes: usize, looked: &mut Looked, mut look: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<(), E> {
         looked.clear(classes);
         let mut look = |angle: f64, looked: &mut Looked| self.look(angle, looked, &mut look);
-        let count = (self.span / COARSE - 1e-9).ceil().max(1.0) as usize;
+        let step = if self.hints.is_empty() { COARSE } else { COARSE_ELSEWHERE };
+        let count = (self.span / step - 1e-9).ceil().max(1.0) as usize;
         for i in 0..count {
             look(i as f64 * self.span / count as f64, looked)?;
         }

@@ -7,6 +7,9 @@ use crate::perception::Percept;
 /// Concentrations beyond this (a spread of a fifth of a degree) are taken for this.
 const MOST_CONCENTRATED: f64 = 1e5;
 
+/// Components of less weight are no place to begin a search.
+const NEGLIGIBLE: f64 = 0.01;
+
 /// From frame to frame an object turns by about 10°: κ = 1/σ².
 const FRAME_CONCENTRATION: f64 = 32.8;
 /// Probability that it turned in any other way, or that the last answer was wrong: what lets tracking recover.
@@ -54,9 +57,10 @@ impl RotationPrior {
         self.components.is_empty() || self.concentration == 0.0
     }
 
-    /// The rotations around which it lies.
+    /// The rotations around which most of it lies.
     pub fn centres(&self) -> impl Iterator<Item = &Rotation> {
-        self.components.iter().map(|(rotation, _)| rotation).filter(|_| self.concentration > 0.0)
+        let heavy = self.components.iter().filter(|(_, weight)| *weight >= NEGLIGIBLE);
+        heavy.map(|(rotation, _)| rotation).filter(|_| self.concentration > 0.0)
     }
 
     /// A function that gives the log density at a rotation, relative to the uniform one.
