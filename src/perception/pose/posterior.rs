@@ -37,8 +37,10 @@ pub struct Sample {
 /// Merges samples into modes. Keeps its memory from query to query.
 #[derive(Clone, Debug, Default)]
 pub struct Merging {
-    /// Samples by falling density, with their weights.
+    /// Samples with their weights, and by falling density.
     weighted: Vec<(f64, Sample)>,
+    order: Vec<usize>,
+    sorted: Vec<(f64, Sample)>,
     taken: Vec<bool>,
 }
 
@@ -53,7 +55,7 @@ impl Merging {
     pub fn hypotheses(&mut self, samples: &[Sample], classes: &[f64], radius: f64, averaged: bool, out: &mut Vec<Hypothesis>) -> f64 {
         out.clear();
         out.reserve(MOST_HYPOTHESES + 1);
-        let Self { weighted, taken } = self;
+        let Self { weighted, order, sorted, taken } = self;
         weighted.clear();
         for (class, p) in classes.iter().enumerate().filter(|(_, p)| **p > 0.0) {
             let of_class = || samples.iter().filter(|s| s.class == class && s.log_density.is_finite());
@@ -65,13 +67,13 @@ impl Merging {
                 weighted.extend(of_class().map(|s| (p * weight(s) / total, Sample { log_density: s.log_density + shift, ..*s })));
             }
         }
-        // Peaks first: by density, so that a narrow sample on top of a mode stands for it; ties by class and rotation.
-        let order = |s: &Sample| (s.class, s.rotation.i, s.rotation.j, s.rotation.k, s.rotation.w);
-        weighted.sort_unstable_by(|a, b| {
-            let ((c, i, j, k, w), (d, x, y, z, v)) = (order(&a.1), order(&b.1));
-            let by_rotation = || i.total_cmp(&x).then(j.total_cmp(&y)).then(k.total_cmp(&z)).then(w.total_cmp(&v));
-            b.1.log_density.total_cmp(&a.1.log_density).then(c.cmp(&d)).then_with(by_rotation)
-        });
+        // Peaks first: by density, so that a narrow sample on top of a mode stands for it; ties in the order of the samples.
+        order.clear();
+        order.extend(0..weighted.len());
+        order.sort_unstable_by(|a, b| weighted[*b].1.log_density.total_cmp(&weighted[*a].1.log_density).then(a.cmp(b)));
+        sorted.clear();
+        sorted.extend(order.iter().map(|place| weighted[*place]));
+        let weighted = &*sorted;
         let nearest = (radius / 2.0).cos();
         taken.clear();
         taken.resize(weighted.len(), false);
@@ -88,7 +90,7 @@ impl Merging {
             }
             let peak = weighted[i].1;
             let mut probability = 0.0;
-            for (taken, (weight, sample)) in taken.iter_mut().zip(&*weighted).skip(i) {
+            for (taken, (weight, sample)) in taken.iter_mut().zip(weighted).skip(i) {
                 if !*taken && sample.class == peak.class && sample.rotation.coords.dot(&peak.rotation.coords).abs() >= nearest {
                     *taken = true;
                     probability += weight;
