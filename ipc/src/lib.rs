@@ -2,6 +2,7 @@
 //!
 //! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends
 //! - [`reconnect`]: the same two clients' ends, outliving the daemon
+//! - [`control`]: small calls to the daemon, each with an answer
 //! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data
 //!   and as a hash; [`text`]: its text fields; [`clock`]: its stamps
 //! - [`validate`]: which observations are refused, and why
@@ -16,6 +17,7 @@
 pub mod channel;
 pub mod clock;
 pub mod codes;
+pub mod control;
 pub mod error;
 mod identity;
 pub mod layout;
@@ -33,7 +35,8 @@ mod subscriber;
 pub mod text;
 pub mod validate;
 
-pub use codes::{CompletionFrame, Method, Outside, PerceptStatus, PoseSearch, View, tasks};
+pub use codes::{CompletionFrame, DaemonState, Method, Outside, PerceptStatus, PoseSearch, View, tasks};
+pub use control::{ReloadCall, ReloadError, request_reload};
 pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 pub use messages::{ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, ObservationHeader, Percept, Status};
 pub use names::{InstanceName, InstanceNameError};

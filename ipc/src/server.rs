@@ -13,6 +13,7 @@ use iceoryx2::sample_mut::SampleMut;
 use crate::InstanceName;
 use crate::channel::{self, Limits, OBSERVATION_READERS, observation_buffer};
 use crate::clock::monotonic_ns;
+use crate::control::{self, ControlPort, ReloadCall};
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::identity::unique_id;
 use crate::limits::{MAX_PRODUCERS, MAX_SUBSCRIBERS, voxel_count};
@@ -67,6 +68,7 @@ pub struct Server {
     observations: Reader<Ipc, [u8], ObservationHeader>,
     observed: Listener<Ipc>,
     perceived: Notifier<Ipc>,
+    control: ControlPort,
     completion_len: usize,
     daemon_id: u64,
     // Dropped last.
@@ -120,7 +122,19 @@ impl Server {
         let observations = channel::create_reader(&observation)?;
         let perceived = channel::create_event(&node, &instance.perceived(), 1, options.subscribers, nodes)?;
         let perceived = channel::create_notifier(&perceived)?;
-        Ok(Self { percepts, completions, statuses, observations, observed, perceived, completion_len, daemon_id: unique_id(), node })
+        let control = control::create(&node, instance)?;
+        Ok(Self {
+            percepts,
+            completions,
+            statuses,
+            observations,
+            observed,
+            perceived,
+            control,
+            completion_len,
+            daemon_id: unique_id(),
+            node,
+        })
     }
 
     /// This run of the daemon; everything that is sent carries it.
@@ -149,6 +163,14 @@ impl Server {
         let header = copy_of(sample.user_header());
         let payload_len = usize::try_from(sample.header().number_of_elements()).unwrap_or(usize::MAX);
         Ok(Some(Observation { header, payload_len, sample }))
+    }
+
+    /// The next call for another model; to be looked for now and then, as it comes without a wake-up.
+    ///
+    /// # Errors
+    /// [`ReceiveError::Failed`] if iceoryx2 could not receive it.
+    pub fn receive_reload(&self) -> Result<Option<ReloadCall>, ReceiveError> {
+        control::receive(&self.control)
     }
 
     /// Sends a percept, stamped with this daemon's id and `published_ns`, and wakes the subscribers.

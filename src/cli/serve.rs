@@ -3,9 +3,8 @@
 use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::stop;
-use crate::model::load;
-use crate::perception::{Method, Perceiver, Query};
-use crate::service::{Daemon, ServeOptions};
+use crate::perception::{Method, Query};
+use crate::service::{Daemon, Recipe, ServeOptions};
 use beo_ipc::InstanceName;
 use clap::Args;
 use serde::Deserialize;
@@ -13,6 +12,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Answer observations from shared memory until SIGINT or SIGTERM
+///
+/// SIGHUP, or `beo reload`, reads the model's file anew: the model before answers until the new one has been checked. Replace the file by
+/// renaming another over it, as `mv` and `beo train --out` do; one that is rewritten in place changes under the daemon. On SIGTERM what
+/// waits is answered for most of a second, and the rest refused. Under systemd the daemon tells how it goes (sd_notify, watchdog).
 #[derive(Args)]
 pub struct Serve {
     /// Model file
@@ -73,29 +76,31 @@ impl Serve {
         let Some(path) = self.model.or(configuration.model) else {
             return Err(Failure::Usage("no model: give --model MODEL, or `model = \"…\"` in the --config file".into()));
         };
-        let stop = stop::on_signal()?;
-        let model = Arc::new(load(&path)?);
-        let perceiver = Perceiver::new(model.clone())?;
+        let signals = stop::of_daemon()?;
+        let prior = self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform);
         let query = Query {
             method: self.method.or(configuration.method).unwrap_or_default(),
-            log_prior: self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform).log_prior(&perceiver),
             completion: true,
             pose: self.pose.or(configuration.pose).unwrap_or(PoseArgument::Known).search(360.0)?,
             projection: ProjectionArgument::Lasso.projection(),
             ..Query::default()
         };
-        let model_name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut daemon = Daemon::open(perceiver, &ServeOptions { instance: instance.clone(), query, model_name, poll: self.poll })?;
+        let recipe = Recipe { query, prior: Arc::new(move |perceiver| prior.log_prior(perceiver)) };
+        // Absolute, so that what `beo status` and `beo reload` say and do does not depend on where the daemon was started.
+        let model = std::path::absolute(&path)?;
+        let mut daemon = Daemon::open(ServeOptions { instance: instance.clone(), model, recipe, poll: self.poll })?;
         // Scripts wait for this line.
+        let model = daemon.model();
         say!("serving `{instance}` with {}: {} classes, {}", path.display(), model.classes.len(), model.dims());
-        tracing::info!(daemon = daemon.id(), model = model.id, "ready");
-        daemon.run(&stop)?;
+        tracing::info!(daemon = daemon.id(), model = daemon.model().id, "ready");
+        daemon.run(&signals)?;
         let status = daemon.status();
         tracing::info!(
             received = status.received,
             answered = status.answered,
             dropped = status.dropped,
             refused = status.refused,
+            overflowed = status.overflowed,
             p50_us = status.latency_p50_ns / 1000,
             p90_us = status.latency_p90_ns / 1000,
             p99_us = status.latency_p99_ns / 1000,

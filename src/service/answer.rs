@@ -2,16 +2,20 @@
 
 use super::streams::Waiting;
 use super::tracks::Tracks;
-use crate::grid::{Outside, Rotation, View, from_xyzw, to_xyzw};
+use crate::grid::{Observation, Outside, Rotation, View, from_xyzw, to_xyzw};
+use crate::model::Model;
 use crate::perception::lanes::to_bytes;
 use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, RotationPrior, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
 use beo_ipc::{CompletionFrame, Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Answers observations with one model.
 pub struct Answerer {
+    /// The model's name, for people.
+    name: String,
     perceiver: Perceiver,
     work: Workspace,
     percept: perception::Percept,
@@ -22,9 +26,10 @@ pub struct Answerer {
 }
 
 impl Answerer {
-    /// An answerer that uses `query` for what observations do not say themselves.
-    pub fn new(perceiver: Perceiver, query: Query) -> Self {
+    /// An answerer that uses `query` for what observations do not say themselves; `name` is the model's.
+    pub fn new(perceiver: Perceiver, query: Query, name: String) -> Self {
         Self {
+            name,
             work: perceiver.workspace(),
             percept: perception::Percept::default(),
             perceiver,
@@ -32,6 +37,26 @@ impl Answerer {
             query,
             tracks: Tracks::default(),
         }
+    }
+
+    /// The model that answers.
+    pub fn model(&self) -> &Arc<Model> {
+        self.perceiver.model()
+    }
+
+    /// The model's name, for people.
+    pub fn model_name(&self) -> &str {
+        &self.name
+    }
+
+    /// Answers an observation that says nothing: a model for which this fails would fail for others, and the next is faster.
+    ///
+    /// # Errors
+    /// Why it fails.
+    pub fn rehearse(&mut self) -> Result<(), PerceiveError> {
+        let nothing = Observation::unknown(self.model().dims());
+        self.perceiver.classify(&nothing, &self.query, &mut self.work, &mut self.percept)?;
+        self.perceiver.complete(&self.query, &mut self.work, &mut self.percept)
     }
 
     /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be

@@ -5,13 +5,24 @@
 //! | `streams` | observations that wait, the newest of each stream |
 //! | `tracks` | what was last answered of each object |
 //! | `answer` | one observation in, percept and completion out |
-//! | `latency` | percentiles of recent latencies |
+//! | `recipe` | from a model file to what answers |
+//! | `reload` | another model, loaded while the one before serves |
+//! | `sequences` | observations that were lost before they were taken |
+//! | `latency` | percentiles of the last minute's latencies |
+//! | `notify` | how it goes, for the service manager |
 //! | `daemon` | the loop: receive, answer, heartbeat |
 
 mod answer;
 mod daemon;
+mod error;
 mod latency;
+mod notify;
+mod recipe;
+mod reload;
+mod sequences;
 mod streams;
 mod tracks;
 
-pub use daemon::{Daemon, ServeError, ServeOptions};
+pub use daemon::{Daemon, ServeOptions, Signals};
+pub use error::ServeError;
+pub use recipe::{Prior, Recipe};

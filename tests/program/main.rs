@@ -1,8 +1,10 @@
 //! The program as its users run it: real processes, real shared memory.
 
 mod bench;
+mod client;
 mod full_pose;
 mod harness;
+mod operations;
 mod pose;
 mod real_shapes;
 mod service;
