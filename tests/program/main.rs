@@ -1,6 +1,7 @@
 //! The program as its users run it: real processes, real shared memory.
 
 mod bench;
+mod faults;
 mod full_pose;
 mod harness;
 mod pose;

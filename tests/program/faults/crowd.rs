@@ -1,0 +1,212 @@
+//! A daemon, producers and readers, and random faults among them.
+
+use super::roles::{Actor, Role};
+use super::witness::Witness;
+use crate::harness::{Running, serve};
+use beo_ipc::{InstanceName, PoseSearch, Status};
+use rand::{Rng, RngExt};
+use rustix::process::Signal;
+use std::collections::{BTreeMap, HashMap};
+use std::time::{Duration, Instant};
+
+/// One of the faults.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Fault {
+    /// SIGKILL, and another one is started.
+    KillDaemon,
+    KillProducer,
+    KillReader,
+    /// SIGKILL while it starts.
+    KillStarting,
+    /// SIGSTOP, and SIGCONT at the next fault.
+    FreezeProducer,
+    FreezeReader,
+}
+
+/// The processes, and what became of what was sent.
+pub struct Crowd {
+    instance: String,
+    pub daemon: Running,
+    /// In this process.
+    pub witness: Witness,
+    producers: Vec<Actor>,
+    readers: Vec<Actor>,
+    frozen: Vec<u32>,
+    every_ms: u64,
+    /// Numbers said to be sent, by producer.
+    sent: HashMap<u64, u64>,
+    /// Percepts that the witness read.
+    pub answered: u64,
+    /// All processes that were ever started.
+    pub pids: Vec<u32>,
+    pub faults: BTreeMap<Fault, u64>,
+    /// From the moment the next daemon says that it serves to its first percept.
+    pub resumed: Vec<Duration>,
+}
+
+impl Crowd {
+    /// A daemon, three producers that send each so many milliseconds, and two readers beside the witness.
+    pub fn gather(instance: &str, every_ms: u64) -> Self {
+        let daemon = serve(instance);
+        let witness = Witness::open(&InstanceName::new(instance).unwrap());
+        let mut crowd = Self {
+            instance: instance.to_owned(),
+            pids: vec![daemon.id()],
+            daemon,
+            witness,
+            producers: Vec::new(),
+            readers: Vec::new(),
+            frozen: Vec::new(),
+            every_ms,
+            sent: HashMap::new(),
+            answered: 0,
+            faults: BTreeMap::new(),
+            resumed: Vec::new(),
+        };
+        (0..3).for_each(|_| crowd.add_producer());
+        (0..2).for_each(|_| crowd.add_reader());
+        crowd
+    }
+
+    /// Reads for this long.
+    pub fn pass(&mut self, time: Duration) {
+        let start = Instant::now();
+        while start.elapsed() < time {
+            self.look();
+        }
+    }
+
+    fn look(&mut self) -> bool {
+        let fresh = self.witness.look(Duration::from_millis(20));
+        self.answered += fresh.len() as u64;
+        for producer in &self.producers {
+            note(&mut self.sent, producer);
+        }
+        for percept in &fresh {
+            let sent = self.sent.entry(percept.producer_id).or_default();
+            *sent = percept.sequence.max(*sent);
+        }
+        // Nobody else reads what they say.
+        self.readers.iter().for_each(|reader| drop(reader.heard("read")));
+        !fresh.is_empty()
+    }
+
+    fn add_producer(&mut self) {
+        let role = Role::Producer { every_ms: self.every_ms, search: PoseSearch::Known };
+        let actor = self.join(role);
+        self.producers.push(actor);
+    }
+
+    fn add_reader(&mut self) {
+        let actor = self.join(Role::Reader);
+        self.readers.push(actor);
+    }
+
+    fn join(&mut self, role: Role) -> Actor {
+        let actor = Actor::start(role, &self.instance);
+        self.pids.push(actor.process.id());
+        actor
+    }
+
+    /// Processes that are there, for figures: daemon, producers, readers.
+    pub fn present(&self) -> Vec<(&'static str, u32)> {
+        let producers = self.producers.iter().map(|actor| ("producer", actor.process.id()));
+        let readers = self.readers.iter().map(|actor| ("reader", actor.process.id()));
+        std::iter::once(("daemon", self.daemon.id())).chain(producers).chain(readers).collect()
+    }
+
+    /// Does one of `possible` to someone.
+    pub fn fault(&mut self, random: &mut impl Rng, possible: &[Fault]) {
+        self.thaw();
+        let fault = possible[random.random_range(0..possible.len())];
+        *self.faults.entry(fault).or_default() += 1;
+        match fault {
+            Fault::KillDaemon => self.restart_daemon(),
+            Fault::KillProducer => {
+                let which = random.random_range(0..self.producers.len());
+                let mut killed = self.producers.swap_remove(which);
+                killed.kill();
+                note(&mut self.sent, &killed);
+                self.add_producer();
+            }
+            Fault::KillReader => {
+                let which = random.random_range(0..self.readers.len());
+                let mut killed = self.readers.swap_remove(which);
+                killed.kill();
+                self.add_reader();
+            }
+            Fault::KillStarting => {
+                let role = [Role::Opener, Role::Idler][random.random_range(0..2)];
+                let mut killed = Actor::begin(role, &self.instance);
+                self.pids.push(killed.process.id());
+                // Connected after some ten milliseconds.
+                self.pass(Duration::from_micros(random.random_range(0..60_000)));
+                killed.kill();
+            }
+            Fault::FreezeProducer | Fault::FreezeReader => {
+                let among = if fault == Fault::FreezeProducer { &self.producers } else { &self.readers };
+                let process = &among[random.random_range(0..among.len())].process;
+                process.signal(Signal::STOP);
+                self.frozen.push(process.id());
+            }
+        }
+    }
+
+    /// Lets the frozen go on.
+    pub fn thaw(&mut self) {
+        for pid in std::mem::take(&mut self.frozen) {
+            rustix::process::kill_process(rustix::process::Pid::from_raw(pid as i32).unwrap(), Signal::CONT).unwrap();
+        }
+    }
+
+    fn restart_daemon(&mut self) {
+        self.look();
+        let before = self.witness.daemon();
+        self.daemon.signal(Signal::KILL);
+        self.daemon.wait();
+        self.daemon = serve(&self.instance);
+        self.pids.push(self.daemon.id());
+        let start = Instant::now();
+        while self.witness.daemon() == before {
+            self.look();
+            assert!(start.elapsed() < crate::harness::PATIENCE, "no percept of the next daemon");
+        }
+        self.resumed.push(start.elapsed());
+    }
+
+    /// Ends producers, waits for the daemon to come to rest, ends all. What was sent, and the daemons' last words.
+    pub fn disperse(mut self) -> (u64, u64, Vec<Status>, Vec<u32>) {
+        self.thaw();
+        for producer in &mut self.producers {
+            producer.end();
+            note(&mut self.sent, producer);
+        }
+        let mut quiet = Instant::now();
+        // Two heartbeats.
+        while quiet.elapsed() < Duration::from_millis(700) {
+            if self.look() {
+                quiet = Instant::now();
+            }
+        }
+        self.readers.iter_mut().for_each(Actor::end);
+        self.daemon.signal(Signal::INT);
+        assert!(self.daemon.wait().success());
+        let statuses = self.witness.statuses.values().copied().collect();
+        (self.sent.values().sum(), self.answered, statuses, self.pids)
+    }
+}
+
+/// The highest number that a producer says it has sent.
+fn note(sent: &mut HashMap<u64, u64>, producer: &Actor) {
+    let highest = producer.heard("sent").iter().map(|number| number.parse().unwrap()).max().unwrap_or(0);
+    let entry = sent.entry(producer.id).or_default();
+    *entry = highest.max(*entry);
+}
+
+/// Resident memory of a process in kB, its open descriptors, and its mapped segments.
+pub fn resources(pid: u32) -> (u64, usize, usize) {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    let resident = line.split_whitespace().next().unwrap().parse().unwrap();
+    (resident, std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap().count(), crate::harness::segments(pid).len())
+}

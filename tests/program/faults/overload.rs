@@ -1,0 +1,1 @@
+//! Far more observations than can be answered.

@@ -1,0 +1,63 @@
+//! 200 random kills, and what is left of them.
+
+use super::crowd::{Crowd, Fault, resources};
+use super::leftovers;
+use crate::harness::{PATIENCE, instance};
+use rand::{RngExt, SeedableRng};
+use std::time::{Duration, Instant};
+
+const SEED: u64 = 6;
+
+#[test]
+fn two_hundred_random_kills_leave_nothing_and_cost_the_survivors_nothing() {
+    use Fault::*;
+    let start = Instant::now();
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
+    let mut crowd = Crowd::gather(&instance(), 5);
+    let mut round = |crowd: &mut Crowd, possible: &[Fault]| {
+        crowd.fault(&mut random, possible);
+        crowd.pass(Duration::from_millis(random.random_range(0..80)));
+    };
+    for _ in 0..80 {
+        round(&mut crowd, &[KillDaemon, KillProducer, KillReader, KillStarting, FreezeProducer, FreezeReader]);
+    }
+    // Now the daemon survives too: what do 120 deaths cost it?
+    let clients = [KillProducer, KillReader, KillStarting, FreezeProducer, FreezeReader];
+    for _ in 0..20 {
+        round(&mut crowd, &clients);
+    }
+    let settled = |crowd: &mut Crowd| {
+        crowd.thaw();
+        // Housekeeping comes once a second.
+        crowd.pass(Duration::from_millis(2500));
+        (resources(crowd.daemon.id()), resources(std::process::id()))
+    };
+    let (daemon_before, _) = settled(&mut crowd);
+    for _ in 0..100 {
+        round(&mut crowd, &clients);
+    }
+    let (daemon_after, _) = settled(&mut crowd);
+    println!("daemon (resident kB, descriptors, segments): {daemon_before:?} before 100 deaths of clients, {daemon_after:?} after");
+    println!("faults: {:?}; resumed after restart: {:?}", crowd.faults, crowd.resumed);
+    assert_eq!((daemon_after.1, daemon_after.2), (daemon_before.1, daemon_before.2), "descriptors and segments");
+    assert!(daemon_after.0 < daemon_before.0 + 2048, "resident kB: {daemon_before:?}, {daemon_after:?}");
+    assert_eq!(crowd.faults.values().sum::<u64>(), 200);
+    let others = crowd.pids.clone();
+    assert!(leftovers::of(&others).len() > 10, "the living are found by their names");
+
+    let (sent, answered, statuses, pids) = crowd.disperse();
+    let dropped: u64 = statuses.iter().map(|status| status.dropped).sum();
+    println!("sent {sent}, read by the witness {answered}, dropped {dropped}, {} daemons", statuses.len());
+    assert!(answered > 1000 && answered + dropped <= sent);
+    let waiting = Instant::now();
+    let left = loop {
+        let left = leftovers::of(&pids);
+        let (small, ours): (Vec<_>, Vec<_>) = left.into_iter().partition(|path| leftovers::is_small(path));
+        if ours.is_empty() {
+            break small;
+        }
+        assert!(waiting.elapsed() < PATIENCE, "left behind: {ours:?}");
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    println!("left by iceoryx2 of {} processes: {} small files {left:?}; all in {:?}", pids.len(), left.len(), start.elapsed());
+}
