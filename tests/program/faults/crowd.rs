@@ -45,7 +45,8 @@ pub struct Crowd {
 }
 
 impl Crowd {
-    /// A daemon, three producers that send each so many milliseconds, and two readers beside the witness.
+    /// A daemon, three producers that send each so many milliseconds, and two readers beside the witness. The first producer and the first
+    /// reader survive.
     pub fn gather(instance: &str, every_ms: u64) -> Self {
         let daemon = serve(instance);
         let witness = Witness::open(&InstanceName::new(instance).unwrap());
@@ -108,11 +109,9 @@ impl Crowd {
         actor
     }
 
-    /// Processes that are there, for figures: daemon, producers, readers.
-    pub fn present(&self) -> Vec<(&'static str, u32)> {
-        let producers = self.producers.iter().map(|actor| ("producer", actor.process.id()));
-        let readers = self.readers.iter().map(|actor| ("reader", actor.process.id()));
-        std::iter::once(("daemon", self.daemon.id())).chain(producers).chain(readers).collect()
+    /// Daemon, and the producer and the reader that no fault kills.
+    pub fn survivors(&self) -> [u32; 3] {
+        [self.daemon.id(), self.producers[0].process.id(), self.readers[0].process.id()]
     }
 
     /// Does one of `possible` to someone.
@@ -123,14 +122,14 @@ impl Crowd {
         match fault {
             Fault::KillDaemon => self.restart_daemon(),
             Fault::KillProducer => {
-                let which = random.random_range(0..self.producers.len());
+                let which = random.random_range(1..self.producers.len());
                 let mut killed = self.producers.swap_remove(which);
                 killed.kill();
                 note(&mut self.sent, &killed);
                 self.add_producer();
             }
             Fault::KillReader => {
-                let which = random.random_range(0..self.readers.len());
+                let which = random.random_range(1..self.readers.len());
                 let mut killed = self.readers.swap_remove(which);
                 killed.kill();
                 self.add_reader();
@@ -174,8 +173,8 @@ impl Crowd {
         self.resumed.push(start.elapsed());
     }
 
-    /// Ends producers, waits for the daemon to come to rest, ends all. What was sent, and the daemons' last words.
-    pub fn disperse(mut self) -> (u64, u64, Vec<Status>, Vec<u32>) {
+    /// Ends producers, waits for the daemon to come to rest, ends all.
+    pub fn disperse(mut self) -> Account {
         self.thaw();
         for producer in &mut self.producers {
             producer.end();
@@ -191,8 +190,39 @@ impl Crowd {
         self.readers.iter_mut().for_each(Actor::end);
         self.daemon.signal(Signal::INT);
         assert!(self.daemon.wait().success());
-        let statuses = self.witness.statuses.values().copied().collect();
-        (self.sent.values().sum(), self.answered, statuses, self.pids)
+        let daemons: Vec<Status> = self.witness.statuses.values().copied().collect();
+        let count = |of: fn(&Status) -> u64| daemons.iter().map(of).sum();
+        Account {
+            sent: self.sent.values().sum(),
+            answered: self.answered,
+            dropped: count(|status| status.dropped),
+            refused: count(|status| status.refused),
+            producers: self.sent.len(),
+            daemons: daemons.len(),
+        }
+    }
+}
+
+/// What became of everything that was sent.
+#[derive(Debug)]
+pub struct Account {
+    /// Sent, as the producers said.
+    pub sent: u64,
+    /// Answered, as the witness read.
+    pub answered: u64,
+    /// Replaced by a newer one, as the daemons said with their last heartbeat.
+    pub dropped: u64,
+    /// Refused, as the daemons said.
+    pub refused: u64,
+    /// All producers that ever sent, and all daemons.
+    pub producers: usize,
+    pub daemons: usize,
+}
+
+impl Account {
+    /// In flight when a daemon, or their producer, was killed.
+    pub fn lost(&self) -> i64 {
+        self.sent as i64 - (self.answered + self.dropped + self.refused) as i64
     }
 }
 
