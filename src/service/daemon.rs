@@ -2,6 +2,7 @@
 
 use super::answer::{Answerer, unsupported};
 use super::latency::Latencies;
+use super::sequences::Sequences;
 use super::streams::Streams;
 use crate::grid::ObservationError;
 use crate::perception::{Method, PerceiveError, Perceiver, Query};
@@ -16,6 +17,9 @@ use std::time::Duration;
 const HEARTBEAT: Duration = Duration::from_millis(250);
 /// Longest sleep: after this long a request to stop is seen even if no signal interrupts the wait.
 const LONGEST_WAIT: Duration = Duration::from_millis(50);
+/// Observations taken between two answers: all that can wait at a time, 16 of each of 16 producers. Without a bound, producers that send
+/// faster than they are read would keep the daemon reading.
+const MOST_AT_ONCE: usize = 256;
 /// Time between two rounds of housekeeping.
 const HOUSEKEEPING_NS: u64 = 1_000_000_000;
 
@@ -53,6 +57,7 @@ pub struct Daemon {
     server: Server,
     answerer: Answerer,
     streams: Streams,
+    sequences: Sequences,
     latencies: Latencies,
     status: Status,
     dims: [u32; 3],
@@ -81,6 +86,7 @@ impl Daemon {
         let mut daemon = Self {
             server,
             streams: Streams::new(model.dims()),
+            sequences: Sequences::new(),
             answerer: Answerer::new(perceiver, options.query.clone()),
             latencies: Latencies::new(),
             status,
@@ -134,9 +140,9 @@ impl Daemon {
         }
     }
 
-    /// Copies everything that has arrived into the queue; what cannot be answered is refused at once.
+    /// Copies what has arrived into the queue; what cannot be answered is refused at once.
     fn receive(&mut self) -> Result<(), ServeError> {
-        loop {
+        for _ in 0..MOST_AT_ONCE {
             let observation = match self.server.receive() {
                 Ok(Some(observation)) => observation,
                 Ok(None) => return Ok(()),
@@ -147,8 +153,11 @@ impl Daemon {
                 }
             };
             let received_ns = monotonic_ns();
-            self.status.received += 1;
             let header = observation.header();
+            // What the producer has overwritten since was replaced by a newer one too.
+            let missed = self.sequences.missed(header.producer_id, header.sequence);
+            self.status.received += 1 + missed;
+            self.status.dropped += missed;
             let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.dims, self.method) {
                 Some(refusal) => Err(refusal),
                 None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
@@ -163,6 +172,7 @@ impl Daemon {
                 }
             }
         }
+        Ok(())
     }
 
     fn publish(&self, percept: &Percept) {

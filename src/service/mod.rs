@@ -3,6 +3,7 @@
 //! | file | what |
 //! | --- | --- |
 //! | `streams` | observations that wait, the newest of each stream |
+//! | `sequences` | what was overwritten before it was taken |
 //! | `tracks` | what was last answered of each object |
 //! | `answer` | one observation in, percept and completion out |
 //! | `latency` | percentiles of recent latencies |
@@ -11,6 +12,7 @@
 mod answer;
 mod daemon;
 mod latency;
+mod sequences;
 mod streams;
 mod tracks;
 

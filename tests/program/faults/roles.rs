@@ -145,7 +145,7 @@ fn a_role_in_another_process() {
         producer
     };
     match role.as_str() {
-        "Producer" => produce(producer(), every, search),
+        "Producer" => produce(producer(), &instance, every, search),
         "Opener" => {
             let _producer = producer();
             rest();
@@ -199,8 +199,12 @@ fn a_role_in_another_process() {
 }
 
 /// Sends observation after observation, whichever daemon is there.
-fn produce(mut producer: ReconnectingProducer, every: Duration, search: PoseSearch) {
+fn produce(mut producer: ReconnectingProducer, instance: &InstanceName, every: Duration, search: PoseSearch) {
     let mut sequence = 0;
+    if every.is_zero() {
+        sequence = 1;
+        settle(&mut producer, instance, search, sequence);
+    }
     let mut next = Instant::now();
     let mut told = Instant::now();
     while running() {
@@ -228,5 +232,27 @@ fn produce(mut producer: ReconnectingProducer, every: Duration, search: PoseSear
         next = (next + every).max(Instant::now());
         std::thread::sleep(next.saturating_duration_since(Instant::now()));
     }
+    sequence += 1;
+    settle(&mut producer, instance, search, sequence);
     say(format!("sent {sequence}"));
+}
+
+/// Sends one more and waits until it is answered: what was sent before it has then been taken, or counted as missed.
+///
+/// Before a flood, the daemon has to have seen the producer to count what it misses; and what the daemon has not taken yet goes with the
+/// producer.
+fn settle(producer: &mut ReconnectingProducer, instance: &InstanceName, search: PoseSearch, sequence: u64) {
+    let mut subscriber = ReconnectingSubscriber::open_within(instance, &SubscriberOptions::default(), OPEN).unwrap();
+    let mut loan = producer.loan().unwrap();
+    fill(&mut loan, producer.id(), sequence, search);
+    assert_eq!(loan.send().unwrap().sequence, sequence);
+    let start = Instant::now();
+    let answered = |subscriber: &ReconnectingSubscriber| {
+        let mut percepts = std::iter::from_fn(|| subscriber.take_percept().unwrap());
+        percepts.any(|percept| (percept.producer_id, percept.sequence) == (producer.id(), sequence))
+    };
+    while !answered(&subscriber) {
+        assert!(start.elapsed() < OPEN, "observation {sequence} is not answered");
+        subscriber.wait(Some(Duration::from_millis(20))).unwrap();
+    }
 }
