@@ -5,7 +5,9 @@ use crate::harness::{RESOLUTION, Running};
 use beo_ipc::{InstanceName, OpenError, PoseSearch, ReconnectError, ReconnectingProducer, SubscriberOptions};
 use beo_ipc::{Loan, ObservationHeader, ReconnectingSubscriber, Waited};
 use std::io::Write;
+use std::os::unix::process::parent_id;
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -120,8 +122,11 @@ fn say(line: String) {
     let _ = writeln!(out, "\n@{line}").and_then(|()| out.flush());
 }
 
+/// Until it is interrupted, or the test that started it is gone.
 fn running() -> bool {
-    !STOP.load(Ordering::Relaxed)
+    static PARENT: OnceLock<u32> = OnceLock::new();
+    let parent = parent_id();
+    !STOP.load(Ordering::Relaxed) && parent == *PARENT.get_or_init(|| parent)
 }
 
 fn rest() {
