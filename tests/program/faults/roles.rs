@@ -3,7 +3,7 @@
 use super::witness::Witness;
 use crate::harness::{RESOLUTION, Running};
 use beo_ipc::{InstanceName, OpenError, PoseSearch, ReconnectError, ReconnectingProducer, SubscriberOptions};
-use beo_ipc::{Loan, ObservationHeader, ReconnectingSubscriber, Waited};
+use beo_ipc::{Loan, ObservationHeader, ReconnectingSubscriber, View, Waited};
 use std::io::Write;
 use std::os::unix::process::parent_id;
 use std::process::{Command, Stdio};
@@ -27,7 +27,8 @@ pub fn fill(loan: &mut Loan, object_id: u64, sequence: u64, search: PoseSearch) 
         *byte = voxel(object_id, sequence, index);
     }
     let header = loan.header_mut();
-    (header.object_id, header.pose_search) = (object_id, search.code());
+    // Said to be from above: the searches for such views are those that robots use, and take milliseconds.
+    (header.object_id, header.pose_search, header.view) = (object_id, search.code(), View::TopDown.code());
 }
 
 /// What another process does.

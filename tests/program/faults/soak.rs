@@ -57,7 +57,8 @@ fn soak() {
     let (faults, resumed, silence) = (crowd.faults.clone(), crowd.resumed.clone(), crowd.witness.longest_silence);
     let pids = crowd.pids.clone();
     if let Some(listener) = &mut listener {
-        listener.signal(rustix::process::Signal::INT);
+        // Not SIGINT, which whoever runs in the background of a script ignores unless told otherwise.
+        listener.signal(rustix::process::Signal::TERM);
         listener.wait();
     }
     let account = crowd.disperse();
