@@ -33,7 +33,7 @@ pub struct SubscriberOptions {
 #[derive(Debug)]
 pub struct Subscriber {
     percepts: Reader<Ipc, Percept, ()>,
-    completions: Option<(Reader<Ipc, [u8], CompletionHeader>, CompletionService)>,
+    completions: Option<Completions>,
     statuses: Reader<Ipc, Status, ()>,
     perceived: Listener<Ipc>,
     last_status: Mutex<Option<Status>>,
@@ -43,6 +43,13 @@ pub struct Subscriber {
     writers: [Peers; 3],
     // Dropped last.
     node: Node<Ipc>,
+}
+
+/// The big channel, for those who subscribe to it.
+#[derive(Debug)]
+struct Completions {
+    reader: Reader<Ipc, [u8], CompletionHeader>,
+    service: CompletionService,
 }
 
 impl Subscriber {
@@ -61,7 +68,7 @@ impl Subscriber {
         let completions = match options.completion {
             true => {
                 let service = channel::open_completion(&node, instance)?;
-                Some((channel::create_reader(&service)?, service))
+                Some(Completions { reader: channel::create_reader(&service)?, service })
             }
             false => None,
         };
@@ -124,7 +131,7 @@ impl Subscriber {
     /// [`ReceiveError::TooManyHeld`] until a completion taken earlier is dropped, [`ReceiveError::Broken`] if header and payload contradict
     /// each other.
     pub fn take_completion(&self) -> Result<Option<Completion>, ReceiveError> {
-        let Some((reader, service)) = &self.completions else { return Ok(None) };
+        let Some(Completions { reader, service }) = &self.completions else { return Ok(None) };
         if !self.writers[1].ready_to_receive(service) {
             return Ok(None);
         }
@@ -161,8 +168,8 @@ impl Subscriber {
         }
         channel::update_connections(&self.percepts);
         channel::update_connections(&self.statuses);
-        if let Some((completions, _)) = &self.completions {
-            channel::update_connections(completions);
+        if let Some(completions) = &self.completions {
+            channel::update_connections(&completions.reader);
         }
     }
 }

@@ -60,7 +60,7 @@ fn under_overload_the_newest_is_answered_all_streams_are_served_alike_and_what_i
     let spans = ids.map(|id| {
         let mut numbers = percepts.iter().filter(|percept| percept.producer_id == id).map(|percept| percept.sequence);
         let first = numbers.next().unwrap();
-        numbers.last().unwrap() - first + 1
+        numbers.next_back().unwrap() - first + 1
     });
     println!(
         "answered of two floods and one that sends at its ease: {answers:?} of {spans:?}; {sent} sent in all, {} dropped",

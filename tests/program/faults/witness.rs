@@ -60,7 +60,8 @@ impl Witness {
         let start = Instant::now();
         loop {
             let fresh = self.look(Duration::from_millis(20));
-            if fresh.iter().fold(false, |done, percept| enough(percept) || done) {
+            // All of them, as `enough` may count.
+            if fresh.iter().filter(|percept| enough(percept)).count() > 0 {
                 return;
             }
             assert!(start.elapsed() < PATIENCE, "waited in vain: {what}");
