@@ -46,7 +46,7 @@ pub struct Crowd {
 
 impl Crowd {
     /// A daemon, three producers that send each so many milliseconds, and two readers beside the witness. The first producer and the first
-    /// reader survive.
+    /// reader survive, and that reader always reads.
     pub fn gather(instance: &str, every_ms: u64) -> Self {
         let daemon = serve(instance);
         let witness = Witness::open(&InstanceName::new(instance).unwrap());
@@ -143,7 +143,7 @@ impl Crowd {
                 killed.kill();
             }
             Fault::FreezeProducer | Fault::FreezeReader => {
-                let among = if fault == Fault::FreezeProducer { &self.producers } else { &self.readers };
+                let among = if fault == Fault::FreezeProducer { &self.producers } else { &self.readers[1..] };
                 let process = &among[random.random_range(0..among.len())].process;
                 process.signal(Signal::STOP);
                 self.frozen.push(process.id());
@@ -188,6 +188,7 @@ impl Crowd {
             }
         }
         self.readers.iter_mut().for_each(Actor::end);
+        let silence_ms = self.readers[0].heard("silence")[0].parse().unwrap();
         self.daemon.signal(Signal::INT);
         assert!(self.daemon.wait().success());
         let daemons: Vec<Status> = self.witness.statuses.values().copied().collect();
@@ -199,6 +200,7 @@ impl Crowd {
             refused: count(|status| status.refused),
             producers: self.sent.len(),
             daemons: daemons.len(),
+            silence_ms,
         }
     }
 }
@@ -217,6 +219,8 @@ pub struct Account {
     /// All producers that ever sent, and all daemons.
     pub producers: usize,
     pub daemons: usize,
+    /// The longest time between two heartbeats of one daemon, as the reader that always reads saw them.
+    pub silence_ms: u64,
 }
 
 impl Account {

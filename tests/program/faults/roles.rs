@@ -182,6 +182,7 @@ fn a_role_in_another_process() {
                     say(format!("read {read}"));
                 }
             }
+            say(format!("silence {}", witness.longest_silence.as_millis()));
         }
         "Idler" => {
             let _subscriber = ReconnectingSubscriber::open_within(&instance, &SubscriberOptions { completion: true }, OPEN).unwrap();
