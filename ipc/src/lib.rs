@@ -9,8 +9,9 @@
 //! - [`names`]: instance names and service names; [`node`]: how iceoryx2 is joined; [`channel`]: limits of the services
 //! - [`memory`]: is there room in shared memory; [`error`]: what can go wrong and what to do
 //!
-//! A process that was killed at a bad moment does not block the others: opening a role, and `maintain`, first remove the empty segment it
-//! may have left in /dev/shm, for which iceoryx2 0.10.0 would wait for ever (private module `orphans`).
+//! A process that was killed at a bad moment does not block the others: the empty segment that it may have left in /dev/shm, for which
+//! iceoryx2 0.10.0 would wait for ever (private module `orphans`), is removed when a role is opened, by `maintain`, before a client connects
+//! to a new peer (`peers`), and by a thread of the daemon (`sweeper`).
 //!
 //! All `unsafe` is in one private module, `shared`.
 
@@ -27,11 +28,13 @@ pub mod messages;
 pub mod names;
 pub mod node;
 mod orphans;
+mod peers;
 mod producer;
 pub mod reconnect;
 mod server;
 mod shared;
 mod subscriber;
+mod sweeper;
 pub mod text;
 pub mod validate;
 

@@ -21,6 +21,7 @@ use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::{ABI_VERSION, CompletionHeader, ObservationHeader, Percept, Status};
 use crate::node::{self, Ipc};
 use crate::shared::copy_of;
+use crate::sweeper::Sweeper;
 use crate::validate::{Refusal, validate};
 
 /// Percepts that are kept for a reader that is late.
@@ -71,8 +72,10 @@ pub struct Server {
     control: ControlPort,
     completion_len: usize,
     daemon_id: u64,
-    // Dropped last.
+    // Dropped last, with what keeps dropping the others from waiting.
     node: Node<Ipc>,
+    #[expect(dead_code, reason = "sweeps until dropped")]
+    sweeper: Sweeper,
 }
 
 impl Server {
@@ -85,6 +88,8 @@ impl Server {
         let voxels = voxel_count(options.dims).ok_or(OpenError::BadDims(options.dims))?;
         let completion_len = 2 * voxels;
         let node = node::create("daemon", instance)?;
+        let sweeper =
+            Sweeper::start(node::prefix()).map_err(|error| OpenError::Failed { what: "a thread".to_owned(), cause: error.to_string() })?;
         match channel::open_percept(&node, instance) {
             Ok(running) if channel::daemon_runs(&running) => {
                 return Err(OpenError::AlreadyRunning { instance: instance.clone(), pid: channel::daemon_pid(&running) });
@@ -134,6 +139,7 @@ impl Server {
             completion_len,
             daemon_id: unique_id(),
             node,
+            sweeper,
         })
     }
 

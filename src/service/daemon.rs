@@ -24,8 +24,9 @@ const HEARTBEAT: Duration = Duration::from_millis(250);
 const LONGEST_WAIT: Duration = Duration::from_millis(50);
 /// Time between two rounds of housekeeping.
 const HOUSEKEEPING_NS: u64 = 1_000_000_000;
-/// Observations that are taken before one is answered, so that a producer that never pauses cannot keep the daemon from answering.
-const MOST_AT_ONCE: usize = 1024;
+/// Observations that are taken before one is answered: all that can wait at a time, 16 of each of 16 producers. Without a bound, producers
+/// that send faster than they are read would keep the daemon reading.
+const MOST_AT_ONCE: usize = 256;
 /// What waits when the daemon is to stop is answered for so long; less than the second that is promised, as an answer takes time too.
 const DRAIN: Duration = Duration::from_millis(800);
 
@@ -205,7 +206,7 @@ impl Daemon {
             let received_ns = monotonic_ns();
             let header = observation.header();
             self.status.received += 1;
-            self.status.overflowed += self.sequences.missing_before(header.producer_id, header.sequence);
+            self.status.overflowed += self.sequences.missing_before(header.producer_id, header.sequence, received_ns);
             let outcome =
                 observation.voxels().and_then(|voxels| match unsupported(header, self.status.dims, self.options.recipe.query.method) {
                     Some(refusal) => Err(refusal),

@@ -2,6 +2,7 @@
 
 mod bench;
 mod client;
+mod faults;
 mod full_pose;
 mod harness;
 mod operations;
