@@ -17,6 +17,8 @@ mod stop;
 mod train;
 mod watch;
 
+pub use serve::Configuration;
+
 use clap::{Parser, Subcommand};
 
 use std::process::ExitCode;

@@ -3,8 +3,10 @@
 mod bench;
 mod full_pose;
 mod harness;
+mod hostile;
 mod pose;
 mod real_shapes;
+mod resources;
 mod scale;
 mod service;
 mod training;
