@@ -8,8 +8,28 @@ const LONGEST: usize = 1 << 16;
 
 /// Numbers as text that parsers may stumble over.
 const NUMBERS: [&str; 22] = [
-    "0", "-1", "1", "255", "256", "257", "65535", "65536", "2147483647", "-2147483648", "4294967295", "4294967296", "9223372036854775807",
-    "-9223372036854775808", "18446744073709551615", "99999999999999999999999", "1e400", "-1e39", "1e-400", "nan", "inf", "3.4028236e38",
+    "0",
+    "-1",
+    "1",
+    "255",
+    "256",
+    "257",
+    "65535",
+    "65536",
+    "2147483647",
+    "-2147483648",
+    "4294967295",
+    "4294967296",
+    "9223372036854775807",
+    "-9223372036854775808",
+    "18446744073709551615",
+    "99999999999999999999999",
+    "1e400",
+    "-1e39",
+    "1e-400",
+    "nan",
+    "inf",
+    "3.4028236e38",
 ];
 
 /// Makes hostile inputs; the same seed gives the same ones.
@@ -91,7 +111,8 @@ impl Mutator {
     /// A binary number at a limit, in either byte order.
     fn integer(&mut self, input: &mut [u8], at: usize) {
         let width = *self.choice(&[2, 4, 8]);
-        let value = *self.choice(&[0, 1, 255, 65535, 1 << 16, i32::MAX as u64, 1 << 31, u64::from(u32::MAX), 1 << 32, i64::MAX as u64, u64::MAX]);
+        let value =
+            *self.choice(&[0, 1, 255, 65535, 1 << 16, i32::MAX as u64, 1 << 31, u64::from(u32::MAX), 1 << 32, i64::MAX as u64, u64::MAX]);
         let float = *self.choice(&[f64::NAN, f64::INFINITY, f64::MAX, f64::MIN_POSITIVE, -0.0, 1e30]);
         let mut bytes = match self.random.random_range(0..4_u32) {
             0 => (float as f32).to_le_bytes().to_vec(),

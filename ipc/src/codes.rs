@@ -42,7 +42,17 @@ pub enum PerceptStatus {
     /// The observation's `deadline_ns` had passed before its turn came. `detail` is by how many nanoseconds.
     Expired = 8,
 }
-checked_codes!(PerceptStatus { Ok, BadDims, DimsNotOfModel, BadVoxel, BadHeader, UnknownVersion, PoseSearchNotSupported, Internal, Expired });
+checked_codes!(PerceptStatus {
+    Ok,
+    BadDims,
+    DimsNotOfModel,
+    BadVoxel,
+    BadHeader,
+    UnknownVersion,
+    PoseSearchNotSupported,
+    Internal,
+    Expired
+});
 
 /// What is known of the object's rotation: [`crate::ObservationHeader::pose_search`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

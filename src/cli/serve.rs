@@ -56,7 +56,9 @@ impl Configuration {
     /// Reads the file's text; an error is one line.
     pub fn parse(text: &str) -> Result<Self, String> {
         toml::from_str(text).map_err(|e| {
-            let line = e.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+            // The message shows the line that is wrong: what a terminal would obey is left out.
+            let text = e.to_string().replace(|c: char| c.is_control(), " ");
+            let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
             format!("{line}; known settings: model, instance, method, pose, prior")
         })
     }

@@ -1,20 +1,25 @@
 //! What a broken or hostile producer writes gives a percept that says so to that producer, and nothing else.
 
-use crate::harness::{PATIENCE, RESOLUTION, instance, serve};
-use beo::grid::{Observation, ObservationError};
+use crate::harness::{PATIENCE, RESOLUTION, instance, segments, serve};
 use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, Producer, Subscriber, SubscriberOptions, tasks, text};
 use rand::rngs::Rng as _;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::FileExt;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 const DIMS: [u32; 3] = [RESOLUTION as u32; 3];
 const HEADERS: u64 = 2000;
 
 fn good(voxels: &mut [u8]) {
-    voxels.iter_mut().enumerate().for_each(|(v, code)| *code = [0, 255, 1][usize::from(v % RESOLUTION < 8) + usize::from(v % RESOLUTION == 8) * 2]);
+    voxels
+        .iter_mut()
+        .enumerate()
+        .for_each(|(v, code)| *code = [0, 255, 1][usize::from(v % RESOLUTION < 8) + usize::from(v % RESOLUTION == 8) * 2]);
 }
 
 /// A producer and a reader of what is said to it.
@@ -183,42 +188,60 @@ fn a_quaternion_near_unit_is_repeated_at_length_one() {
     assert_eq!(percept.status, PerceptStatus::BadHeader.code());
 }
 
+/// The place of `needle` in one of the files that this process has in shared memory, opened for writing.
+fn find(needle: &[u8]) -> (File, u64) {
+    let found = segments(std::process::id()).into_iter().find_map(|path| {
+        let bytes = std::fs::read(&path).ok()?;
+        let at = bytes.windows(needle.len()).position(|window| window == needle)?;
+        Some((OpenOptions::new().write(true).open(&path).ok()?, at as u64))
+    });
+    found.expect("a loan lies in shared memory")
+}
+
 #[test]
-fn a_copy_is_valid_whatever_is_written_while_it_is_made() {
-    let dims = crate::harness::dims();
-    let shared: Vec<AtomicU8> = (0..dims.voxels()).map(|_| AtomicU8::new(0)).collect();
-    let stop = AtomicBool::new(false);
-    let (mut good, mut refused) = (0, 0);
+fn what_is_written_while_the_daemon_reads_gives_a_valid_answer_or_a_refusal() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let (client, honest) = (Client::new(&name), Client::new(&name));
+    let before = honest.ask(|_| {});
+    // Where the scribbler writes, if anywhere.
+    let target: Mutex<Option<(File, u64)>> = Mutex::new(None);
+    let (stop, mut random) = (AtomicBool::new(false), ChaCha8Rng::seed_from_u64(1));
+    let mut seen = BTreeMap::new();
     std::thread::scope(|scope| {
-        scope.spawn(|| {
-            let mut random = ChaCha8Rng::seed_from_u64(1);
+        let scribbler = scope.spawn(|| {
+            let (mut random, mut writes) = (ChaCha8Rng::seed_from_u64(2), 0_u64);
             while !stop.load(Ordering::Relaxed) {
-                for voxel in &shared {
-                    voxel.store([0, 1, 255][random.random_range(0..3_usize)], Ordering::Relaxed);
+                if let Some((file, at)) = &*target.lock().unwrap() {
+                    let codes = [0, 1, 255, if random.random_bool(0.01) { 77 } else { 0 }];
+                    let bytes: Vec<u8> = (0..64).map(|_| codes[random.random_range(0..4_usize)]).collect();
+                    file.write_all_at(&bytes, at + random.random_range(0..RESOLUTION.pow(3) as u64 - 64)).unwrap();
+                    writes += 1;
                 }
-                // Now and then what is no code at all.
-                shared[random.random_range(0..shared.len())].store(77, Ordering::Relaxed);
+                std::thread::yield_now();
             }
+            writes
         });
-        let mut observation = Observation::unknown(dims);
-        let mut bytes = vec![0; dims.voxels()];
-        for _ in 0..5000 {
-            // Another process's writes, as the daemon's reads meet them: any mixture of old and new bytes.
-            bytes.iter_mut().zip(&shared).for_each(|(byte, voxel)| *byte = voxel.load(Ordering::Relaxed));
-            match observation.read(&bytes) {
-                Ok(()) => {
-                    good += 1;
-                    assert!(observation.filled().is_subset(observation.known()));
-                    assert_eq!(observation.known().len(), dims.voxels());
-                }
-                Err(ObservationError::Code { code, .. }) => {
-                    refused += 1;
-                    assert_eq!(code, 77);
-                }
-                Err(error) => panic!("{error}"),
+        for _ in 0..500 {
+            let mut loan = client.producer.loan().unwrap();
+            let needle: [u8; 64] = std::array::from_fn(|_| random.next_u32() as u8);
+            loan.voxels_mut()[..64].copy_from_slice(&needle);
+            let place = find(&needle);
+            good(loan.voxels_mut());
+            *target.lock().unwrap() = Some(place);
+            let percept = client.percept(loan.send().unwrap().sequence);
+            *target.lock().unwrap() = None;
+            let status = PerceptStatus::from_code(percept.status).unwrap();
+            assert!(matches!(status, PerceptStatus::Ok | PerceptStatus::BadVoxel), "{}", text::from_field(&percept.explanation));
+            if status == PerceptStatus::Ok {
+                assert!((percept.posterior.iter().sum::<f32>() - 1.0).abs() < 1e-4);
             }
+            *seen.entry(percept.status).or_insert(0) += 1;
         }
         stop.store(true, Ordering::Relaxed);
+        let writes = scribbler.join().unwrap();
+        assert!(writes > 500 && seen.len() == 2, "{writes} writes gave {seen:?}");
     });
-    assert_eq!(good + refused, 5000);
+    let after = honest.ask(|_| {});
+    assert_eq!((after.status, after.posterior), (0, before.posterior));
 }

@@ -49,7 +49,8 @@ fn as_nobody(arguments: &[&str]) -> Option<Output> {
     let others = |path: &Path| path.metadata().is_ok_and(|m| m.permissions().mode() & 0o005 == 0o005);
     let mut command = Command::new("setpriv");
     command.args(["--reuid=65534", "--regid=65534", "--clear-groups"]).arg(program).args(arguments).stdin(Stdio::null());
-    let output = (is_root() && program.ancestors().filter(|path| *path != Path::new("")).all(others)).then(|| command.output().ok()).flatten();
+    let output =
+        (is_root() && program.ancestors().filter(|path| *path != Path::new("")).all(others)).then(|| command.output().ok()).flatten();
     if output.is_none() {
         eprintln!("left out: another user needs root, `setpriv`, and a program that others may run");
     }

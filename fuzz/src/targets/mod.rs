@@ -21,12 +21,12 @@ pub struct Target {
 
 /// All of them.
 pub const TARGETS: [Target; 10] = [
-    Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes },
-    Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes },
-    Target { name: "off", run: shapes::off, seeds: shapes::off_seeds, most_bytes: shapes::most_bytes },
-    Target { name: "obj", run: shapes::obj, seeds: shapes::obj_seeds, most_bytes: shapes::most_bytes },
-    Target { name: "stl", run: shapes::stl, seeds: shapes::stl_seeds, most_bytes: shapes::most_bytes },
-    Target { name: "ply", run: shapes::ply, seeds: shapes::ply_seeds, most_bytes: shapes::most_bytes },
+    Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
+    Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
+    Target { name: "off", run: shapes::off, seeds: shapes::off_seeds, most_bytes: shapes::most_bytes_of_mesh },
+    Target { name: "obj", run: shapes::obj, seeds: shapes::obj_seeds, most_bytes: shapes::most_bytes_of_mesh },
+    Target { name: "stl", run: shapes::stl, seeds: shapes::stl_seeds, most_bytes: shapes::most_bytes_of_mesh },
+    Target { name: "ply", run: shapes::ply, seeds: shapes::ply_seeds, most_bytes: shapes::most_bytes_of_mesh },
     Target { name: "model", run: model::run, seeds: model::seeds, most_bytes: model::most_bytes },
     Target { name: "config", run: config::run, seeds: config::seeds, most_bytes: config::most_bytes },
     Target { name: "observation", run: observation::run, seeds: observation::seeds, most_bytes: observation::most_bytes },

@@ -2,7 +2,7 @@
 
 use super::small_model::{SIDE, model};
 use beo::grid::{Dims, Observation, UNKNOWN};
-use beo::perception::{Percept, Perceiver, PoseSearch, Query, Workspace};
+use beo::perception::{Perceiver, Percept, PoseSearch, Query, Workspace};
 use beo::service::ask;
 use beo_ipc::validate::validate;
 use beo_ipc::{ObservationHeader, PerceptStatus, text};

@@ -47,7 +47,8 @@ pub fn run(target: &'static Target, seconds: u64, seed: u64) -> ExitCode {
     let current = std::fs::File::create(current(target.name)).expect("a writable folder");
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map_or(String::new(), |place| format!("{}:{}", place.file(), place.line()));
-        *PANIC.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = format!("panic at {place}: {}", panic.payload_as_str().unwrap_or("?"));
+        *PANIC.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) =
+            format!("panic at {place}: {}", panic.payload_as_str().unwrap_or("?"));
     }));
     let seeds = (target.seeds)();
     // What is made once and kept is not the input's.
