@@ -20,6 +20,7 @@ class PerceptStatus(enum.IntEnum):
     UNKNOWN_VERSION = 5
     POSE_SEARCH_NOT_SUPPORTED = 6
     INTERNAL = 7
+    EXPIRED = 8
 
 
 class PoseSearch(enum.IntEnum):

@@ -2,8 +2,7 @@
 
 use crate::harness::{PATIENCE, RESOLUTION, instance, segments, serve};
 use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, Producer, Subscriber, SubscriberOptions, tasks, text};
-use rand::rngs::Rng as _;
-use rand::{RngExt, SeedableRng};
+use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
