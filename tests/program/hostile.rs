@@ -15,10 +15,13 @@ const DIMS: [u32; 3] = [RESOLUTION as u32; 3];
 const HEADERS: u64 = 2000;
 
 fn good(voxels: &mut [u8]) {
-    voxels
-        .iter_mut()
-        .enumerate()
-        .for_each(|(v, code)| *code = [0, 255, 1][usize::from(v % RESOLUTION < 8) + usize::from(v % RESOLUTION == 8) * 2]);
+    for (v, code) in voxels.iter_mut().enumerate() {
+        *code = match v % RESOLUTION {
+            0..8 => 255,
+            8 => 1,
+            _ => 0,
+        };
+    }
 }
 
 /// A producer and a reader of what is said to it.
@@ -35,19 +38,12 @@ impl Client {
         Self { producer: Producer::open_within(&instance, &template, PATIENCE).unwrap(), subscriber }
     }
 
-    fn send(&self, change: impl FnOnce(&mut ObservationHeader)) -> u64 {
-        let mut loan = self.producer.loan().unwrap();
-        good(loan.voxels_mut());
-        change(loan.header_mut());
-        loan.send().unwrap().sequence
-    }
-
-    /// The percept with this number. What the header makes of the producer's id is repeated as it is.
-    fn percept(&self, sequence: u64) -> Percept {
+    /// The percept of this producer, or of whom the header makes it, with this number.
+    fn percept(&self, producer_id: u64, sequence: u64) -> Percept {
         let start = Instant::now();
         loop {
             match self.subscriber.take_percept().unwrap() {
-                Some(percept) if percept.sequence == sequence => return percept,
+                Some(percept) if (percept.producer_id, percept.sequence) == (producer_id, sequence) => return percept,
                 Some(_) => {}
                 None => {
                     assert!(start.elapsed() < PATIENCE, "observation {sequence} has no answer");
@@ -58,7 +54,15 @@ impl Client {
     }
 
     fn ask(&self, change: impl FnOnce(&mut ObservationHeader)) -> Percept {
-        self.percept(self.send(change))
+        self.ask_of(good, change)
+    }
+
+    fn ask_of(&self, fill: impl FnOnce(&mut [u8]), change: impl FnOnce(&mut ObservationHeader)) -> Percept {
+        let mut loan = self.producer.loan().unwrap();
+        fill(loan.voxels_mut());
+        change(loan.header_mut());
+        let producer_id = loan.header().producer_id;
+        self.percept(producer_id, loan.send().unwrap().sequence)
     }
 }
 
@@ -99,7 +103,7 @@ fn spoil(header: &mut ObservationHeader, random: &mut ChaCha8Rng) {
     perhaps!(header.object_id, random.next_u64());
     perhaps!(header.capture_ns, random.next_u64());
     perhaps!(header.sensor_stamp_ns, random.next_u64());
-    perhaps!(header.deadline_ns, random.next_u64());
+    perhaps!(header.deadline_ns, u64::from(bits(random)));
     perhaps!(header.position_m, [(); 3].map(|()| double(random)));
     perhaps!(header.orientation, [(); 4].map(|()| double(random)));
     perhaps!(header.voxel_size_m, single(random));
@@ -127,13 +131,20 @@ fn any_header_is_answered_with_a_status_and_the_next_good_one_as_before() {
     let mut seen = BTreeMap::new();
     for _ in 0..HEADERS {
         let mut wanted = ObservationHeader::default();
-        let percept = hostile.ask(|header| {
-            spoil(header, &mut random);
-            wanted = *header;
-        });
+        let wrong = if random.random_bool(0.1) { Some((random.random_range(0..RESOLUTION.pow(3)), random.random())) } else { None };
+        let percept = hostile.ask_of(
+            |voxels| {
+                good(voxels);
+                wrong.into_iter().for_each(|(voxel, code)| voxels[voxel] = code);
+            },
+            |header| {
+                spoil(header, &mut random);
+                wanted = *header;
+            },
+        );
         let status = PerceptStatus::from_code(percept.status).expect("a status that this version knows");
         *seen.entry(percept.status).or_insert(0) += 1;
-        assert_eq!((percept.producer_id, percept.object_id), (wanted.producer_id, wanted.object_id));
+        assert_eq!((percept.object_id, percept.capture_ns), (wanted.object_id, wanted.capture_ns));
         assert_ne!(status, PerceptStatus::Internal, "{wanted:?}: {}", text::from_field(&percept.explanation));
         if status != PerceptStatus::Ok {
             assert_eq!((percept.class_index, percept.class_count), (NO_CLASS, 0));
@@ -142,7 +153,7 @@ fn any_header_is_answered_with_a_status_and_the_next_good_one_as_before() {
         let numbers = percept.position_m.iter().chain(&percept.orientation).copied().chain(percept.posterior.iter().map(|p| f64::from(*p)));
         assert!(numbers.chain([f64::from(percept.voxel_size_m)]).all(f64::is_finite), "{percept:?}");
     }
-    assert!(seen.len() >= 5, "headers of all kinds were sent: {seen:?}");
+    assert!(seen.len() >= 6, "headers of all kinds were sent: {seen:?}");
     let after = honest.ask(|_| {});
     assert_eq!((after.status, after.class_index, after.posterior), (0, before.class_index, before.posterior));
     assert_eq!(after.daemon_id, before.daemon_id, "the same run of the daemon {}", daemon.id());
@@ -163,12 +174,10 @@ fn sequence_and_time_may_jump_and_a_past_deadline_is_refused() {
     assert_eq!(late.class_index, NO_CLASS);
     let in_time = client.ask(|header| header.deadline_ns = u64::MAX);
     assert_eq!(in_time.status, 0);
-    let status = client.subscriber.status().unwrap().expect("a daemon has a status");
-    assert!(status.received <= 5);
     let start = Instant::now();
     loop {
-        let status = client.subscriber.status().unwrap().expect("a daemon has a status");
-        if (status.received, status.answered, status.refused) == (5, 4, 1) {
+        let status = client.subscriber.status().unwrap();
+        if status.is_some_and(|status| (status.received, status.answered, status.refused) == (5, 4, 1)) {
             break;
         }
         assert!(start.elapsed() < PATIENCE, "{status:?}");
@@ -228,7 +237,7 @@ fn what_is_written_while_the_daemon_reads_gives_a_valid_answer_or_a_refusal() {
             let place = find(&needle);
             good(loan.voxels_mut());
             *target.lock().unwrap() = Some(place);
-            let percept = client.percept(loan.send().unwrap().sequence);
+            let percept = client.percept(client.producer.id(), loan.send().unwrap().sequence);
             *target.lock().unwrap() = None;
             let status = PerceptStatus::from_code(percept.status).unwrap();
             assert!(matches!(status, PerceptStatus::Ok | PerceptStatus::BadVoxel), "{}", text::from_field(&percept.explanation));

@@ -164,7 +164,9 @@ impl Program<'_> {
 impl Drop for World {
     /// The library's tables would keep what is open beyond the end of the process.
     fn drop(&mut self) {
-        self.open.map(close);
+        self.open.into_iter().for_each(|handle| {
+            close(handle);
+        });
     }
 }
 
