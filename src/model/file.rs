@@ -3,6 +3,7 @@
 use super::{Basis, ClassModel, DIRECTIONS, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, ViewDensities, mapping};
 use crate::grid::Pooling;
 use crate::shapes::library::{LONGEST_CLASS_NAME, MOST_CLASSES};
+use crate::shapes::shown;
 use half::f16;
 use memmap2::Mmap;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -285,6 +286,13 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
     if blends.iter().any(|blend| blend.offsets.len() != m) {
         return Err("its calibration is for another number of classes".into());
     }
+    // What a method does not compute has no weight in its blend.
+    let [auto, hull, evidence, mean] = blends;
+    let foreign =
+        [auto.distance, hull.evidence, hull.distance, evidence.hull, evidence.distance, mean.hull, mean.evidence].iter().any(|w| *w != 0.0);
+    if foreign {
+        return Err("its calibration weighs scores that the method does not compute".into());
+    }
     if m > MOST_CLASSES {
         return Err(format!("it has {m} classes, more than the {MOST_CLASSES} that a percept can name"));
     }
@@ -311,7 +319,7 @@ struct Opened {
 impl Opened {
     fn open(path: &Path) -> Result<Self, ModelError> {
         let io = |source| ModelError::Io { path: path.to_owned(), source };
-        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason };
+        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: shown(&reason) };
         let map = mapping::map(&File::open(path).map_err(io)?).map_err(io)?;
         let (_, info) = SafeTensors::read_metadata(&map).map_err(|e| invalid(format!("{e}")))?;
         let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
@@ -350,7 +358,7 @@ impl Opened {
     }
 
     fn invalid(&self, reason: impl Into<String>) -> ModelError {
-        ModelError::Invalid { path: self.path.clone(), reason: reason.into() }
+        ModelError::Invalid { path: self.path.clone(), reason: shown(&reason.into()) }
     }
 
     fn tensors(&self) -> Result<SafeTensors<'_>, ModelError> {

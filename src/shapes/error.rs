@@ -46,7 +46,7 @@ pub enum FormatError {
 }
 
 /// Text of a file as a message can repeat it: one line, without what a terminal would obey.
-pub(super) fn shown(text: &str) -> String {
+pub(crate) fn shown(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
