@@ -21,6 +21,7 @@ class PerceptStatus(enum.IntEnum):
     POSE_SEARCH_NOT_SUPPORTED = 6
     INTERNAL = 7
     STOPPING = 8
+    EXPIRED = 9
 
 
 class PoseSearch(enum.IntEnum):

@@ -118,7 +118,10 @@ enum beo_percept_status
     BEO_PERCEPT_STATUS_BAD_VOXEL = 3,
     /** A value of the header is out of its range (see the explanation). `detail` is 0. */
     BEO_PERCEPT_STATUS_BAD_HEADER = 4,
-    /** The header's `abi_version` is not `BEO_ABI_VERSION`. `detail` is the version found. */
+    /**
+     * The header's `abi_version` is not `BEO_ABI_VERSION`. `detail` is the version found. Producer, object, sequence and stamps are
+     * what lies at their places of this version.
+     */
     BEO_PERCEPT_STATUS_UNKNOWN_VERSION = 5,
     /** The daemon cannot do this pose search. `detail` is the `pose_search` asked for. */
     BEO_PERCEPT_STATUS_POSE_SEARCH_NOT_SUPPORTED = 6,
@@ -126,6 +129,8 @@ enum beo_percept_status
     BEO_PERCEPT_STATUS_INTERNAL = 7,
     /** The daemon ends and had no time left for this observation. `detail` is 0. */
     BEO_PERCEPT_STATUS_STOPPING = 8,
+    /** The observation's `deadline_ns` had passed before its turn came. `detail` is by how many nanoseconds. */
+    BEO_PERCEPT_STATUS_EXPIRED = 9,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -297,11 +302,11 @@ typedef struct beo_observation_header {
     uint64_t sensor_stamp_ns;
     /** When the grid was written and sent; 0 if the producer does not say. */
     uint64_t written_ns;
-    /** After this time the answer is of no use; 0 for no deadline. */
+    /** After this time the answer is of no use: an observation whose turn comes later is refused; 0 for no deadline. */
     uint64_t deadline_ns;
     /** The grid's centre in the frame `frame_id`, metres. */
     double position_m[3];
-    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w. */
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w; refused where its norm is not 1 within 0.001. */
     double orientation[4];
     /** Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels). */
     float voxel_size_m;
@@ -395,7 +400,7 @@ typedef struct beo_percept {
     uint64_t published_ns;
     /** The grid's centre in the frame `frame_id`, metres, as the observation had it. */
     double position_m[3];
-    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it. */
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1. */
     double orientation[4];
     /** Edge of a voxel, metres, as the observation had it. */
     float voxel_size_m;
@@ -454,7 +459,7 @@ typedef struct beo_completion_header {
     uint64_t published_ns;
     /** The grid's centre in the frame `frame_id`, metres, as the observation had it. */
     double position_m[3];
-    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it. */
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1. */
     double orientation[4];
     /** Edge of a voxel, metres. */
     float voxel_size_m;

@@ -32,7 +32,8 @@ pub enum PerceptStatus {
     BadVoxel = 3,
     /// A value of the header is out of its range (see the explanation). `detail` is 0.
     BadHeader = 4,
-    /// The header's `abi_version` is not [`crate::ABI_VERSION`]. `detail` is the version found.
+    /// The header's `abi_version` is not [`crate::ABI_VERSION`]. `detail` is the version found. Producer, object, sequence and stamps are
+    /// what lies at their places of this version.
     UnknownVersion = 5,
     /// The daemon cannot do this pose search. `detail` is the `pose_search` asked for.
     PoseSearchNotSupported = 6,
@@ -40,6 +41,8 @@ pub enum PerceptStatus {
     Internal = 7,
     /// The daemon ends and had no time left for this observation. `detail` is 0.
     Stopping = 8,
+    /// The observation's `deadline_ns` had passed before its turn came. `detail` is by how many nanoseconds.
+    Expired = 9,
 }
 checked_codes!(PerceptStatus {
     Ok,
@@ -50,7 +53,8 @@ checked_codes!(PerceptStatus {
     UnknownVersion,
     PoseSearchNotSupported,
     Internal,
-    Stopping
+    Stopping,
+    Expired
 });
 
 /// What the daemon does: [`crate::Status::state`].
@@ -157,10 +161,10 @@ mod tests {
 
     #[test]
     fn codes_round_trip_and_unknown_ones_are_refused() {
-        for code in 0..9 {
+        for code in 0..10 {
             assert_eq!(PerceptStatus::from_code(code).map(PerceptStatus::code), Some(code));
         }
-        for code in [9, 255, u32::MAX] {
+        for code in [10, 255, u32::MAX] {
             assert_eq!(PerceptStatus::from_code(code), None);
             assert_eq!(PoseSearch::from_code(code), None);
             assert_eq!(Method::from_code(code), None);

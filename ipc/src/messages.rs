@@ -10,6 +10,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::codes::{CompletionFrame, Outside, PoseSearch, View, tasks};
 use crate::layout::{Scalar, layout};
 use crate::limits::{EXPLANATION_LEN, MAX_CLASSES, MAX_HYPOTHESES, NAME_LEN};
+use crate::validate::normalised;
 
 const _: () = assert!(MAX_CLASSES == 64 && MAX_HYPOTHESES == 8 && NAME_LEN == 32 && EXPLANATION_LEN == 128);
 
@@ -42,11 +43,11 @@ pub struct ObservationHeader {
     pub sensor_stamp_ns: u64,
     /// When the grid was written and sent; 0 if the producer does not say.
     pub written_ns: u64,
-    /// After this time the answer is of no use; 0 for no deadline.
+    /// After this time the answer is of no use: an observation whose turn comes later is refused; 0 for no deadline.
     pub deadline_ns: u64,
     /// The grid's centre in the frame `frame_id`, metres.
     pub position_m: [f64; 3],
-    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w.
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w; refused where its norm is not 1 within 0.001.
     pub orientation: [f64; 4],
     /// Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels).
     pub voxel_size_m: f32,
@@ -184,7 +185,7 @@ pub struct Percept {
     pub published_ns: u64,
     /// The grid's centre in the frame `frame_id`, metres, as the observation had it.
     pub position_m: [f64; 3],
-    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it.
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1.
     pub orientation: [f64; 4],
     /// Edge of a voxel, metres, as the observation had it.
     pub voxel_size_m: f32,
@@ -271,7 +272,7 @@ impl Percept {
             sensor_stamp_ns: observation.sensor_stamp_ns,
             written_ns: observation.written_ns,
             position_m: observation.position_m,
-            orientation: observation.orientation,
+            orientation: normalised(observation.orientation),
             voxel_size_m: observation.voxel_size_m,
             dims: observation.dims,
             frame_id: observation.frame_id,
@@ -308,7 +309,7 @@ pub struct CompletionHeader {
     pub published_ns: u64,
     /// The grid's centre in the frame `frame_id`, metres, as the observation had it.
     pub position_m: [f64; 3],
-    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it.
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1.
     pub orientation: [f64; 4],
     /// Edge of a voxel, metres.
     pub voxel_size_m: f32,
@@ -346,7 +347,7 @@ impl CompletionHeader {
             sensor_stamp_ns: observation.sensor_stamp_ns,
             published_ns: 0,
             position_m: observation.position_m,
-            orientation: observation.orientation,
+            orientation: normalised(observation.orientation),
             voxel_size_m: observation.voxel_size_m,
             dims: observation.dims,
             frame_id: observation.frame_id,

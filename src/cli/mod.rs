@@ -20,6 +20,8 @@ mod stop;
 mod train;
 mod watch;
 
+pub use serve::Configuration;
+
 use clap::{Parser, Subcommand};
 
 use std::process::ExitCode;

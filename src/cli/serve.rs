@@ -8,7 +8,9 @@ use crate::service::{Daemon, Recipe, ServeOptions};
 use beo_ipc::InstanceName;
 use clap::Args;
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Answer observations from shared memory until SIGINT or SIGTERM
@@ -41,10 +43,13 @@ pub struct Serve {
     poll: bool,
 }
 
-/// The configuration file.
-#[derive(Default, Deserialize)]
+/// Largest configuration file that is read; a full one has some hundred bytes.
+const LARGEST_CONFIGURATION: u64 = 64 * 1024;
+
+/// The configuration file of `beo serve`.
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Configuration {
+pub struct Configuration {
     model: Option<PathBuf>,
     instance: Option<String>,
     method: Option<Method>,
@@ -52,17 +57,38 @@ struct Configuration {
     prior: Option<PriorArgument>,
 }
 
+impl Configuration {
+    /// Reads the file's text; an error is one line.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        toml::from_str(text).map_err(|e| {
+            // The message shows the line that is wrong: what a terminal would obey is left out.
+            let text = e.to_string().replace(|c: char| c.is_control(), " ");
+            let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            format!("{line}; known settings: model, instance, method, pose, prior")
+        })
+    }
+
+    fn read(path: &Path) -> Result<Self, Failure> {
+        let cannot_read = |e: std::io::Error| Failure::Failed(format!("cannot read {}: {e}", path.display()));
+        // What is no regular file may have no end, or nobody who writes it.
+        if !std::fs::metadata(path).map_err(cannot_read)?.is_file() {
+            return Err(Failure::Failed(format!("{} is not a regular file", path.display())));
+        }
+        let mut text = String::new();
+        let limit = LARGEST_CONFIGURATION;
+        File::open(path).and_then(|file| file.take(limit + 1).read_to_string(&mut text)).map_err(cannot_read)?;
+        if text.len() as u64 > limit {
+            return Err(Failure::Failed(format!("{} has more than {limit} bytes: is it a configuration file?", path.display())));
+        }
+        Self::parse(&text).map_err(|line| Failure::Failed(format!("{}: {line}", path.display())))
+    }
+}
+
 impl Serve {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         let configuration = match &self.config {
-            Some(path) => {
-                let text = std::fs::read_to_string(path).map_err(|e| Failure::Failed(format!("cannot read {}: {e}", path.display())))?;
-                toml::from_str::<Configuration>(&text).map_err(|e| {
-                    let line = e.to_string().replace('\n', " ");
-                    Failure::Failed(format!("{}: {}; known settings: model, instance, method, pose, prior", path.display(), line.trim()))
-                })?
-            }
+            Some(path) => Configuration::read(path)?,
             None => Configuration::default(),
         };
         let instance = match (self.instance, &configuration.instance) {

@@ -1,14 +1,16 @@
 //! One observation in, percept and completion out.
 
+use super::asked::ask;
 use super::streams::Waiting;
 use super::tracks::Tracks;
-use crate::grid::{Observation, Outside, Rotation, View, from_xyzw, to_xyzw};
+use crate::grid::{Observation, Rotation, to_xyzw};
 use crate::model::Model;
 use crate::perception::lanes::to_bytes;
-use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, RotationPrior, Workspace};
+use crate::perception::{self, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
-use beo_ipc::{CompletionFrame, Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use beo_ipc::validate::check_deadline;
+use beo_ipc::{Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -60,9 +62,13 @@ impl Answerer {
     }
 
     /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be
-    /// published after it.
+    /// published after it. One whose deadline has passed is refused.
     pub fn answer(&mut self, server: &Server, waiting: &Waiting) -> Percept {
         let header = &waiting.header;
+        if let Err(refusal) = check_deadline(header, monotonic_ns()) {
+            let model_id = self.perceiver.model().id;
+            return Percept { received_ns: waiting.received_ns, model_id, ..Percept::refusing(header, &refusal) };
+        }
         let mut percept = Percept { received_ns: waiting.received_ns, model_id: self.perceiver.model().id, ..Percept::answering(header) };
         let started_ns = monotonic_ns();
         if let Err(error) = self.classify(waiting) {
@@ -104,31 +110,13 @@ impl Answerer {
     fn classify(&mut self, waiting: &Waiting) -> Result<(), PerceiveError> {
         let header = &waiting.header;
         let query = &mut self.query;
-        query.view = match beo_ipc::View::from_code(header.view) {
-            Some(beo_ipc::View::TopDown) => Some(View::Top),
-            _ => None,
-        };
-        query.pose = match PoseSearch::from_code(header.pose_search) {
-            Some(PoseSearch::Yaw) => perception::PoseSearch::YAW,
-            Some(PoseSearch::Full) => perception::PoseSearch::Full,
-            _ => self.pose,
-        };
-        query.outside = match beo_ipc::Outside::from_code(header.outside) {
-            Some(beo_ipc::Outside::Unknown) => Outside::Unknown,
-            _ => Outside::Empty,
-        };
-        query.frame = match CompletionFrame::from_code(header.completion_frame) {
-            Some(CompletionFrame::Object) => Frame::Object,
-            _ => Frame::Grid,
-        };
-        query.rotation_prior = if header.rotation_prior_concentration > 0.0 {
-            let expected = from_xyzw(header.rotation_prior.map(f64::from));
-            RotationPrior::around(expected, f64::from(header.rotation_prior_concentration))
-        } else if header.continues != 0 {
-            self.tracks.expectation(header.producer_id, header.continued_object_id).cloned().unwrap_or_default()
-        } else {
-            RotationPrior::uniform()
-        };
+        ask(query, header, self.pose);
+        if header.rotation_prior_concentration == 0.0
+            && header.continues != 0
+            && let Some(expected) = self.tracks.expectation(header.producer_id, header.continued_object_id)
+        {
+            query.rotation_prior = expected.clone();
+        }
         self.perceiver.classify(&waiting.observation, query, &mut self.work, &mut self.percept)?;
         // What says nothing of the object does not change what is expected of it.
         if query.pose != perception::PoseSearch::Known && self.percept.informed {

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `streams` | observations that wait, the newest of each stream |
 //! | `tracks` | what was last answered of each object |
+//! | `asked` | what a header asks for |
 //! | `answer` | one observation in, percept and completion out |
 //! | `recipe` | from a model file to what answers |
 //! | `reload` | another model, loaded while the one before serves |
@@ -13,6 +14,7 @@
 //! | `daemon` | the loop: receive, answer, heartbeat |
 
 mod answer;
+mod asked;
 mod daemon;
 mod error;
 mod latency;
@@ -23,6 +25,7 @@ mod sequences;
 mod streams;
 mod tracks;
 
+pub use asked::ask;
 pub use daemon::{Daemon, ServeOptions, Signals};
 pub use error::ServeError;
 pub use recipe::{Prior, Recipe};

@@ -3,7 +3,7 @@
 use super::answer::Answerer;
 use super::error::ServeError;
 use crate::grid::Dims;
-use crate::model::{load, verify};
+use crate::model::verify;
 use crate::perception::{Perceiver, Query};
 use std::path::Path;
 use std::sync::Arc;
@@ -21,12 +21,12 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// Loads a model and prepares it.
+    /// Loads a model and prepares it, if there is memory for it.
     ///
     /// # Errors
-    /// [`ServeError::File`], [`ServeError::Model`].
+    /// [`ServeError::Model`].
     pub fn prepare(&self, path: &Path) -> Result<Answerer, ServeError> {
-        let perceiver = Perceiver::new(Arc::new(load(path)?))?;
+        let perceiver = Perceiver::open(path)?;
         let query = Query { log_prior: (self.prior)(&perceiver), ..self.query.clone() };
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Ok(Answerer::new(perceiver, query, name))
@@ -36,7 +36,7 @@ impl Recipe {
     /// answered, before it is let in.
     ///
     /// # Errors
-    /// As [`Self::prepare`], and [`ServeError::OtherDims`].
+    /// As [`Self::prepare`], [`ServeError::File`] and [`ServeError::OtherDims`].
     pub fn replace(&self, path: &Path, dims: Dims) -> Result<Answerer, ServeError> {
         verify(path)?;
         let mut answerer = self.prepare(path)?;
