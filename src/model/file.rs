@@ -320,6 +320,10 @@ impl Opened {
     fn open(path: &Path) -> Result<Self, ModelError> {
         let io = |source| ModelError::Io { path: path.to_owned(), source };
         let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: shown(&reason) };
+        // What is no regular file may keep whoever opens it waiting.
+        if !path.metadata().map_err(io)?.is_file() {
+            return Err(invalid("it is not a regular file".into()));
+        }
         let map = mapping::map(&File::open(path).map_err(io)?).map_err(io)?;
         let (_, info) = SafeTensors::read_metadata(&map).map_err(|e| invalid(format!("{e}")))?;
         let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;

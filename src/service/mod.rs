@@ -2,7 +2,7 @@
 //!
 //! | file | what |
 //! | --- | --- |
-//! | `streams` | observations that wait, the newest of each stream |
+//! | `streams` | observations that wait, the newest of each stream, by turns |
 //! | `tracks` | what was last answered of each object |
 //! | `asked` | what a header asks for |
 //! | `answer` | one observation in, percept and completion out |

@@ -3,7 +3,7 @@
 use super::answer::Answerer;
 use super::error::ServeError;
 use crate::grid::Dims;
-use crate::model::verify;
+use crate::model::{outline, verify};
 use crate::perception::{Perceiver, Query};
 use std::path::Path;
 use std::sync::Arc;
@@ -38,12 +38,13 @@ impl Recipe {
     /// # Errors
     /// As [`Self::prepare`], [`ServeError::File`] and [`ServeError::OtherDims`].
     pub fn replace(&self, path: &Path, dims: Dims) -> Result<Answerer, ServeError> {
-        verify(path)?;
-        let mut answerer = self.prepare(path)?;
-        let found = answerer.model().dims();
+        // What needs no more than the file's header comes first.
+        let found = outline(path)?.metadata.dims;
         if found != dims {
             return Err(ServeError::OtherDims { path: path.to_owned(), found, served: dims });
         }
+        let mut answerer = self.prepare(path)?;
+        verify(path)?;
         answerer.rehearse()?;
         Ok(answerer)
     }

@@ -1,13 +1,11 @@
 //! A camera and a robot's process within the test.
 
-use crate::harness::RESOLUTION;
+use crate::harness::{PATIENCE, RESOLUTION};
 use beo_ipc::{InstanceName, ObservationHeader, Percept, Producer, Status, Subscriber, SubscriberOptions};
 use std::time::{Duration, Instant};
 
 /// Grids of the small model.
 pub const DIMS: [u32; 3] = [RESOLUTION as u32; 3];
-/// No answer takes longer than this on the slowest machine.
-pub const WAIT: Duration = Duration::from_secs(60);
 
 /// A camera and a robot's process in one.
 pub struct Client {
@@ -21,18 +19,18 @@ impl Client {
     /// Joins a daemon.
     pub fn new(name: &str) -> Self {
         let instance = InstanceName::new(name).unwrap();
-        let subscriber = Subscriber::open_within(&instance, &SubscriberOptions { completion: true }, WAIT).unwrap();
-        Self { producer: Producer::open_within(&instance, &ObservationHeader::new(DIMS), WAIT).unwrap(), subscriber }
+        let subscriber = Subscriber::open_within(&instance, &SubscriberOptions { completion: true }, PATIENCE).unwrap();
+        Self { producer: Producer::open_within(&instance, &ObservationHeader::new(DIMS), PATIENCE).unwrap(), subscriber }
     }
 
-    /// Sends one observation; its number.
-    pub fn send(&self, fill: impl FnOnce(&mut ObservationHeader, &mut [u8])) -> u64 {
+    /// Sends one observation; its producer as its header says, and its number.
+    pub fn send(&self, fill: impl FnOnce(&mut ObservationHeader, &mut [u8])) -> (u64, u64) {
         let mut loan = self.producer.loan().unwrap();
         let mut header = *loan.header();
         loan.voxels_mut().fill(0);
         fill(&mut header, loan.voxels_mut());
         *loan.header_mut() = header;
-        loan.send().unwrap().sequence
+        (header.producer_id, loan.send().unwrap().sequence)
     }
 
     /// The daemon's status as soon as it is as wanted.
@@ -43,24 +41,29 @@ impl Client {
             if let Some(status) = status.filter(&wanted) {
                 return status;
             }
-            assert!(start.elapsed() < WAIT, "{status:?}");
+            assert!(start.elapsed() < PATIENCE, "{status:?}");
             std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// The percept of an observation of this producer and number, as soon as there is one.
+    pub fn percept(&self, (producer, sequence): (u64, u64)) -> Percept {
+        let start = Instant::now();
+        loop {
+            match self.subscriber.take_percept().unwrap() {
+                Some(percept) if (percept.producer_id, percept.sequence) == (producer, sequence) => return percept,
+                Some(_) => {}
+                None => {
+                    assert!(start.elapsed() < PATIENCE, "no answer");
+                    self.subscriber.wait(Duration::from_millis(50)).unwrap();
+                }
+            }
         }
     }
 
     /// Sends one observation and waits for its percept.
     pub fn ask(&self, fill: impl FnOnce(&mut ObservationHeader, &mut [u8])) -> Percept {
-        let sequence = self.send(fill);
-        let start = Instant::now();
-        loop {
-            if let Some(percept) = self.subscriber.take_percept().unwrap()
-                && percept.sequence == sequence
-            {
-                return percept;
-            }
-            assert!(start.elapsed() < WAIT, "no answer");
-            self.subscriber.wait(Duration::from_millis(50)).unwrap();
-        }
+        self.percept(self.send(fill))
     }
 }
 

@@ -1,69 +1,29 @@
 //! What a broken or hostile producer writes gives a percept that says so to that producer, and nothing else.
 
+use crate::client::{Client, DIMS, block, explanation};
 use crate::harness::{PATIENCE, RESOLUTION, instance, segments, serve};
-use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, Producer, Subscriber, SubscriberOptions, tasks, text};
+use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, tasks};
+use iceoryx2::prelude::{NodeBuilder, SignalHandlingMode, ipc};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::Instant;
 
-const DIMS: [u32; 3] = [RESOLUTION as u32; 3];
 const HEADERS: u64 = 2000;
+/// Observations that are written to while the daemon reads them.
+const SCRIBBLED: u32 = 500;
 
-fn good(voxels: &mut [u8]) {
-    for (v, code) in voxels.iter_mut().enumerate() {
-        *code = match v % RESOLUTION {
-            0..8 => 255,
-            8 => 1,
-            _ => 0,
-        };
-    }
-}
-
-/// A producer and a reader of what is said to it.
-struct Client {
-    producer: Producer,
-    subscriber: Subscriber,
-}
-
-impl Client {
-    fn new(name: &str) -> Self {
-        let instance = InstanceName::new(name).unwrap();
-        let subscriber = Subscriber::open_within(&instance, &SubscriberOptions::default(), PATIENCE).unwrap();
-        let template = ObservationHeader { tasks: tasks::CLASS, ..ObservationHeader::new(DIMS) };
-        Self { producer: Producer::open_within(&instance, &template, PATIENCE).unwrap(), subscriber }
-    }
-
-    /// The percept of this producer, or of whom the header makes it, with this number.
-    fn percept(&self, producer_id: u64, sequence: u64) -> Percept {
-        let start = Instant::now();
-        loop {
-            match self.subscriber.take_percept().unwrap() {
-                Some(percept) if (percept.producer_id, percept.sequence) == (producer_id, sequence) => return percept,
-                Some(_) => {}
-                None => {
-                    assert!(start.elapsed() < PATIENCE, "observation {sequence} has no answer");
-                    self.subscriber.wait(Duration::from_millis(50)).unwrap();
-                }
-            }
-        }
-    }
-
-    fn ask(&self, change: impl FnOnce(&mut ObservationHeader)) -> Percept {
-        self.ask_of(good, change)
-    }
-
-    fn ask_of(&self, fill: impl FnOnce(&mut [u8]), change: impl FnOnce(&mut ObservationHeader)) -> Percept {
-        let mut loan = self.producer.loan().unwrap();
-        fill(loan.voxels_mut());
-        change(loan.header_mut());
-        let producer_id = loan.header().producer_id;
-        self.percept(producer_id, loan.send().unwrap().sequence)
-    }
+/// Asks for the class of a good observation, changed.
+fn ask(client: &Client, change: impl FnOnce(&mut ObservationHeader, &mut [u8])) -> Percept {
+    client.ask(|header, voxels| {
+        header.tasks = tasks::CLASS;
+        block(voxels);
+        change(header, voxels);
+    })
 }
 
 /// A number of any bits.
@@ -125,36 +85,31 @@ fn any_header_is_answered_with_a_status_and_the_next_good_one_as_before() {
     let name = instance();
     let daemon = serve(&name);
     let (hostile, honest) = (Client::new(&name), Client::new(&name));
-    let before = honest.ask(|_| {});
+    let before = ask(&honest, |_, _| {});
     assert_eq!(before.status, 0);
     let mut random = ChaCha8Rng::seed_from_u64(2017);
     let mut seen = BTreeMap::new();
     for _ in 0..HEADERS {
         let mut wanted = ObservationHeader::default();
         let wrong = if random.random_bool(0.1) { Some((random.random_range(0..RESOLUTION.pow(3)), random.random())) } else { None };
-        let percept = hostile.ask_of(
-            |voxels| {
-                good(voxels);
-                wrong.into_iter().for_each(|(voxel, code)| voxels[voxel] = code);
-            },
-            |header| {
-                spoil(header, &mut random);
-                wanted = *header;
-            },
-        );
+        let percept = ask(&hostile, |header, voxels| {
+            wrong.into_iter().for_each(|(voxel, code)| voxels[voxel] = code);
+            spoil(header, &mut random);
+            wanted = *header;
+        });
         let status = PerceptStatus::from_code(percept.status).expect("a status that this version knows");
         *seen.entry(percept.status).or_insert(0) += 1;
         assert_eq!((percept.object_id, percept.capture_ns), (wanted.object_id, wanted.capture_ns));
-        assert_ne!(status, PerceptStatus::Internal, "{wanted:?}: {}", text::from_field(&percept.explanation));
+        assert_ne!(status, PerceptStatus::Internal, "{wanted:?}: {}", explanation(&percept));
         if status != PerceptStatus::Ok {
             assert_eq!((percept.class_index, percept.class_count), (NO_CLASS, 0));
-            assert!(!text::from_field(&percept.explanation).is_empty(), "{wanted:?}");
+            assert!(!explanation(&percept).is_empty(), "{wanted:?}");
         }
         let numbers = percept.position_m.iter().chain(&percept.orientation).copied().chain(percept.posterior.iter().map(|p| f64::from(*p)));
         assert!(numbers.chain([f64::from(percept.voxel_size_m)]).all(f64::is_finite), "{percept:?}");
     }
     assert!(seen.len() >= 6, "headers of all kinds were sent: {seen:?}");
-    let after = honest.ask(|_| {});
+    let after = ask(&honest, |_, _| {});
     assert_eq!((after.status, after.class_index, after.posterior), (0, before.class_index, before.posterior));
     assert_eq!(after.daemon_id, before.daemon_id, "the same run of the daemon {}", daemon.id());
 }
@@ -165,24 +120,47 @@ fn sequence_and_time_may_jump_and_a_past_deadline_is_refused() {
     let _daemon = serve(&name);
     let client = Client::new(&name);
     for capture_ns in [u64::MAX, 1, beo_ipc::clock::monotonic_ns() + 3_600_000_000_000] {
-        let percept = client.ask(|header| header.capture_ns = capture_ns);
+        let percept = ask(&client, |header, _| header.capture_ns = capture_ns);
         assert_eq!((percept.status, percept.capture_ns), (0, capture_ns), "passed through");
     }
-    let late = client.ask(|header| header.deadline_ns = 1);
+    let late = ask(&client, |header, _| header.deadline_ns = 1);
     assert_eq!(late.status, PerceptStatus::Expired.code());
-    assert!(text::from_field(&late.explanation).contains("deadline") && late.detail > 0);
+    assert!(explanation(&late).contains("deadline") && late.detail > 0);
     assert_eq!(late.class_index, NO_CLASS);
-    let in_time = client.ask(|header| header.deadline_ns = u64::MAX);
+    let in_time = ask(&client, |header, _| header.deadline_ns = u64::MAX);
     assert_eq!(in_time.status, 0);
-    let start = Instant::now();
-    loop {
-        let status = client.subscriber.status().unwrap();
-        if status.is_some_and(|status| (status.received, status.answered, status.refused) == (5, 4, 1)) {
-            break;
-        }
-        assert!(start.elapsed() < PATIENCE, "{status:?}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    client.status(|status| (status.received, status.answered, status.refused) == (5, 4, 1));
+}
+
+/// Who does not use our library numbers as it likes, in the name of whom it likes.
+#[test]
+fn forged_numbers_and_names_are_answered_and_count_no_losses() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let honest = Client::new(&name);
+    ask(&honest, |_, _| {});
+    let node =
+        NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&beo_ipc::node::config()).create::<ipc::Service>();
+    let node = node.unwrap();
+    let service = InstanceName::new(&name).unwrap().observation().as_str().try_into().unwrap();
+    let service = node.service_builder(&service).publish_subscribe::<[u8]>().user_header::<ObservationHeader>().open().unwrap();
+    let publisher = service.publisher_builder().initial_max_slice_len(RESOLUTION.pow(3)).create().unwrap();
+    let send = |producer_id, sequence| {
+        let mut sample = publisher.loan_slice_uninit(RESOLUTION.pow(3)).unwrap();
+        *sample.user_header_mut() = ObservationHeader { producer_id, sequence, tasks: tasks::CLASS, ..ObservationHeader::new(DIMS) };
+        sample.write_from_fn(|_| 0).send().unwrap();
+        let percept = honest.percept((producer_id, sequence));
+        assert_eq!(percept.status, 0, "{}", explanation(&percept));
+    };
+    let jumps = [1, u64::MAX, 0, 1 << 63, 7, u64::MAX - 1, u64::MAX];
+    jumps.iter().for_each(|sequence| send(5, *sequence));
+    // As the honest producer, and as more producers than there are.
+    jumps.iter().skip(1).for_each(|sequence| send(honest.producer.id(), *sequence));
+    (0..300).for_each(|producer| send(1000 + producer, u64::MAX - producer));
+    assert_eq!(ask(&honest, |_, _| {}).status, 0);
+    let sent = 1 + 7 + 6 + 300 + 1;
+    let status = honest.status(|status| status.received == sent && status.waiting() == 0);
+    assert_eq!((status.answered, status.overflowed), (sent, 0), "{status:?}");
 }
 
 #[test]
@@ -190,9 +168,9 @@ fn a_quaternion_near_unit_is_repeated_at_length_one() {
     let name = instance();
     let _daemon = serve(&name);
     let client = Client::new(&name);
-    let percept = client.ask(|header| header.orientation = [0.0, 0.0, 0.0, 1.0009]);
+    let percept = ask(&client, |header, _| header.orientation = [0.0, 0.0, 0.0, 1.0009]);
     assert_eq!((percept.status, percept.orientation), (0, [0.0, 0.0, 0.0, 1.0]));
-    let percept = client.ask(|header| header.orientation = [0.0, 0.0, 0.0, 1.002]);
+    let percept = ask(&client, |header, _| header.orientation = [0.0, 0.0, 0.0, 1.002]);
     assert_eq!(percept.status, PerceptStatus::BadHeader.code());
 }
 
@@ -211,45 +189,48 @@ fn what_is_written_while_the_daemon_reads_gives_a_valid_answer_or_a_refusal() {
     let name = instance();
     let _daemon = serve(&name);
     let (client, honest) = (Client::new(&name), Client::new(&name));
-    let before = honest.ask(|_| {});
+    let before = ask(&honest, |_, _| {});
     // Where the scribbler writes, if anywhere.
     let target: Mutex<Option<(File, u64)>> = Mutex::new(None);
-    let (stop, mut random) = (AtomicBool::new(false), ChaCha8Rng::seed_from_u64(1));
+    let (stop, writes, mut random) = (AtomicBool::new(false), AtomicU32::new(0), ChaCha8Rng::seed_from_u64(1));
     let mut seen = BTreeMap::new();
     std::thread::scope(|scope| {
         let scribbler = scope.spawn(|| {
-            let (mut random, mut writes) = (ChaCha8Rng::seed_from_u64(2), 0_u64);
+            let mut random = ChaCha8Rng::seed_from_u64(2);
             while !stop.load(Ordering::Relaxed) {
                 if let Some((file, at)) = &*target.lock().unwrap() {
                     let codes = [0, 1, 255, if random.random_bool(0.01) { 77 } else { 0 }];
                     let bytes: Vec<u8> = (0..64).map(|_| codes[random.random_range(0..4_usize)]).collect();
                     file.write_all_at(&bytes, at + random.random_range(0..RESOLUTION.pow(3) as u64 - 64)).unwrap();
-                    writes += 1;
+                    writes.fetch_add(1, Ordering::Relaxed);
                 }
                 std::thread::yield_now();
             }
-            writes
         });
-        for _ in 0..500 {
+        let start = Instant::now();
+        let mut sent = 0;
+        while sent < SCRIBBLED || seen.len() < 2 || writes.load(Ordering::Relaxed) < SCRIBBLED {
+            assert!(start.elapsed() < PATIENCE, "{writes:?} writes gave {seen:?}");
             let mut loan = client.producer.loan().unwrap();
             let needle: [u8; 64] = std::array::from_fn(|_| random.next_u32() as u8);
             loan.voxels_mut()[..64].copy_from_slice(&needle);
             let place = find(&needle);
-            good(loan.voxels_mut());
+            loan.voxels_mut().fill(0);
+            block(loan.voxels_mut());
             *target.lock().unwrap() = Some(place);
-            let percept = client.percept(client.producer.id(), loan.send().unwrap().sequence);
+            let percept = client.percept((client.producer.id(), loan.send().unwrap().sequence));
             *target.lock().unwrap() = None;
             let status = PerceptStatus::from_code(percept.status).unwrap();
-            assert!(matches!(status, PerceptStatus::Ok | PerceptStatus::BadVoxel), "{}", text::from_field(&percept.explanation));
+            assert!(matches!(status, PerceptStatus::Ok | PerceptStatus::BadVoxel), "{}", explanation(&percept));
             if status == PerceptStatus::Ok {
                 assert!((percept.posterior.iter().sum::<f32>() - 1.0).abs() < 1e-4);
             }
             *seen.entry(percept.status).or_insert(0) += 1;
+            sent += 1;
         }
         stop.store(true, Ordering::Relaxed);
-        let writes = scribbler.join().unwrap();
-        assert!(writes > 500 && seen.len() == 2, "{writes} writes gave {seen:?}");
+        scribbler.join().unwrap();
     });
-    let after = honest.ask(|_| {});
+    let after = ask(&honest, |_, _| {});
     assert_eq!((after.status, after.posterior), (0, before.posterior));
 }

@@ -3,11 +3,13 @@
 //! Small disks are file systems of a mount namespace, other users are processes without rights: both need root, and without it those
 //! tests say that they are left out.
 
+use crate::client::{Client, block};
 use crate::harness::{RESOLUTION, instance, library, model, run, serve, shape, text};
 use beo::model::Metadata;
 use beo::shapes::furniture;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use safetensors::SafeTensors;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -143,6 +145,23 @@ fn a_model_that_memory_cannot_hold_is_refused_before_it_is_loaded() {
     refused(&run(["perceive", "x.off", "--model", name]), &[name, "MB of memory"]);
 }
 
+#[test]
+fn a_model_that_memory_cannot_hold_beside_the_one_that_serves_is_not_reloaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.safetensors");
+    remade(&path, |metadata| metadata.classes.iter_mut().for_each(|class| class.basis_size = 250));
+    let instance = instance();
+    let daemon = serve(&instance);
+    let size = std::fs::read_to_string(format!("/proc/{}/statm", daemon.id())).unwrap();
+    let pages: u64 = size.split_whitespace().next().unwrap().parse().unwrap();
+    // Room for the threads that load, not for what they would.
+    let limit = Rlimit { current: Some(pages * rustix::param::page_size() as u64 + (30 << 20)), maximum: None };
+    prlimit(Pid::from_raw(daemon.id() as i32), Resource::As, limit).unwrap();
+    let output = run(["reload", "--instance", &instance, "--model", path.to_str().unwrap()]);
+    refused(&output, &["large.safetensors", "MB of memory", "ulimit -v", "goes on"]);
+    assert_eq!(Client::new(&instance).ask(|_, voxels| block(voxels)).status, 0);
+}
+
 /// Found by fuzzing: a method's blend that weighs the score of another was an index out of bounds at the first query.
 #[test]
 fn a_calibration_that_weighs_what_is_not_computed_is_refused() {
@@ -177,7 +196,11 @@ fn a_model_that_is_missing_unreadable_or_no_model_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let serve = |path: &str| run(["serve", "--instance", &instance(), "--model", path]);
     refused(&serve("no-such-folder/model.safetensors"), &["no-such-folder/model.safetensors", "No such file"]);
-    refused(&serve(folder.path().to_str().unwrap()), &[folder.path().to_str().unwrap()]);
+    refused(&serve(folder.path().to_str().unwrap()), &[folder.path().to_str().unwrap(), "not a regular file"]);
+    // Whoever opens a pipe that nobody writes to waits for ever.
+    let pipe = folder.path().join("pipe");
+    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, rustix::fs::Mode::RUSR, 0).unwrap();
+    refused(&serve(pipe.to_str().unwrap()), &["pipe", "not a regular file"]);
     let empty = folder.path().join("empty.safetensors");
     File::create(&empty).unwrap();
     refused(&serve(empty.to_str().unwrap()), &["empty.safetensors"]);

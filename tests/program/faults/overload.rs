@@ -3,9 +3,11 @@
 use super::crowd::resources;
 use super::roles::{Actor, Role};
 use super::witness::Witness;
+use crate::client::{Client, block};
 use crate::harness::{PATIENCE, instance, serve};
 use beo_ipc::{InstanceName, Percept, PoseSearch};
 use rustix::process::Signal;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Streams that wait at the same time.
@@ -80,4 +82,28 @@ fn under_overload_the_newest_is_answered_all_streams_are_served_alike_and_what_i
     let (first, last) = (resident[resident.len() / 4], resident[resident.len() - 1]);
     println!("resident: {first} kB, later {last} kB");
     assert!(last < first + ALLOWANCE_KB, "{resident:?}");
+}
+
+/// More streams than can wait at a time, each with one observation: a producer that names every grid a new object.
+#[test]
+fn a_flood_of_objects_starves_no_other_producer() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let [flood, honest] = [(); 2].map(|()| Client::new(&name));
+    flood.ask(|_, voxels| block(voxels));
+    let flooding = AtomicBool::new(true);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while flooding.load(Ordering::Relaxed) {
+                flood.send(|header, voxels| {
+                    header.object_id = header.capture_ns;
+                    block(voxels);
+                });
+            }
+        });
+        let crowded = honest.status(|status| status.waiting() > 200);
+        (0..20).for_each(|_| assert_eq!(honest.ask(|_, voxels| block(voxels)).status, 0));
+        honest.status(|status| status.dropped > crowded.dropped);
+        flooding.store(false, Ordering::Relaxed);
+    });
 }

@@ -1,7 +1,7 @@
 //! The producers and readers that are killed: this test binary once more, in a role given by the environment.
 
 use super::witness::Witness;
-use crate::harness::{RESOLUTION, Running};
+use crate::harness::{PATIENCE, RESOLUTION, Running};
 use beo_ipc::{InstanceName, OpenError, PoseSearch, ReconnectError, ReconnectingProducer, SendError, SubscriberOptions};
 use beo_ipc::{Loan, ObservationHeader, ReconnectingSubscriber, View, Waited};
 use std::io::Write;
@@ -11,8 +11,6 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How long a role waits for a daemon.
-pub const OPEN: Duration = Duration::from_secs(60);
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// The voxels of one observation: pseudo-random, so that a mixture of two is not taken for one.
@@ -146,7 +144,7 @@ fn a_role_in_another_process() {
     let search = PoseSearch::from_code(variable("SEARCH").unwrap().parse().unwrap()).unwrap();
     ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).unwrap();
     let producer = || {
-        let producer = ReconnectingProducer::open_within(&instance, &ObservationHeader::new([RESOLUTION as u32; 3]), OPEN).unwrap();
+        let producer = ReconnectingProducer::open_within(&instance, &ObservationHeader::new([RESOLUTION as u32; 3]), PATIENCE).unwrap();
         say(format!("open {}", producer.id()));
         producer
     };
@@ -185,12 +183,12 @@ fn a_role_in_another_process() {
             say(format!("silence {}", witness.longest_silence.as_millis()));
         }
         "Idler" => {
-            let _subscriber = ReconnectingSubscriber::open_within(&instance, &SubscriberOptions { completion: true }, OPEN).unwrap();
+            let _subscriber = ReconnectingSubscriber::open_within(&instance, &SubscriberOptions { completion: true }, PATIENCE).unwrap();
             say("open 0".to_owned());
             rest();
         }
         "Hoarder" => {
-            let mut subscriber = ReconnectingSubscriber::open_within(&instance, &SubscriberOptions { completion: true }, OPEN).unwrap();
+            let mut subscriber = ReconnectingSubscriber::open_within(&instance, &SubscriberOptions { completion: true }, PATIENCE).unwrap();
             say("open 0".to_owned());
             let mut held = Vec::new();
             while running() && held.len() < beo_ipc::channel::MAX_HELD_SAMPLES {
@@ -250,7 +248,7 @@ fn produce(mut producer: ReconnectingProducer, instance: &InstanceName, every: D
 /// Before a flood, the daemon has to have seen the producer to count what it misses; and what the daemon has not taken yet goes with the
 /// producer.
 fn settle(producer: &mut ReconnectingProducer, instance: &InstanceName, search: PoseSearch, sequence: u64) {
-    let mut subscriber = ReconnectingSubscriber::open_within(instance, &SubscriberOptions::default(), OPEN).unwrap();
+    let mut subscriber = ReconnectingSubscriber::open_within(instance, &SubscriberOptions::default(), PATIENCE).unwrap();
     let mut loan = producer.loan().unwrap();
     fill(&mut loan, producer.id(), sequence, search);
     assert_eq!(loan.send().unwrap().sequence, sequence);
@@ -260,7 +258,7 @@ fn settle(producer: &mut ReconnectingProducer, instance: &InstanceName, search: 
         percepts.any(|percept| (percept.producer_id, percept.sequence) == (producer.id(), sequence))
     };
     while !answered(&subscriber) {
-        assert!(start.elapsed() < OPEN, "observation {sequence} is not answered");
+        assert!(start.elapsed() < PATIENCE, "observation {sequence} is not answered");
         subscriber.wait(Some(Duration::from_millis(20))).unwrap();
     }
 }

@@ -1,6 +1,6 @@
 //! A reader that checks everything it reads, whichever daemon it comes from: nothing torn, nothing stale as fresh.
 
-use super::roles::{OPEN, voxel};
+use super::roles::voxel;
 use crate::harness::PATIENCE;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::{Completion, InstanceName, Percept, ReconnectingSubscriber, Status, SubscriberOptions};
@@ -27,7 +27,7 @@ pub struct Witness {
 impl Witness {
     /// Subscribes, as soon as there is a daemon.
     pub fn open(instance: &InstanceName) -> Self {
-        let subscriber = ReconnectingSubscriber::open_within(instance, &SubscriberOptions { completion: true }, OPEN).unwrap();
+        let subscriber = ReconnectingSubscriber::open_within(instance, &SubscriberOptions { completion: true }, PATIENCE).unwrap();
         Self {
             subscriber,
             newest: Default::default(),
