@@ -43,29 +43,19 @@ struct Arguments {
     log_format: logging::Format,
 }
 
+// The help of each is that of its arguments.
 #[derive(Subcommand)]
 enum Command {
-    /// Learn a model from a folder of shapes, DIR/<class>/<split>/*
     Train(train::Train),
-    /// Show what a model holds
     Inspect(inspect::Inspect),
-    /// Answer shapes or partial grids without a daemon
     Perceive(perceive::Perceive),
-    /// Answer observations from shared memory until SIGINT or SIGTERM
     Serve(serve::Serve),
-    /// Say how the daemon does; exit code 0 if it is healthy, 1 if not
     Status(status::StatusCommand),
-    /// Have the daemon serve another model, or read its file anew, without losing an observation
     Reload(reload::Reload),
-    /// Write observations of shapes into shared memory, as a camera would
     Observe(observe::Observe),
-    /// Print what the daemon perceives
     Watch(watch::Watch),
-    /// Start daemon, producer and watcher on made-up furniture, and show what is perceived
     Demo(demo::Demo),
-    /// Measure a model by the paper's protocol
     Eval(eval::Eval),
-    /// Measure how fast it is
     Bench(bench::Bench),
 }
 

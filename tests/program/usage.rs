@@ -26,6 +26,7 @@ fn help_names_every_subcommand() {
         assert!(text(&output.stdout).contains(command));
         assert!(run([command, "--help"]).status.success());
     }
+    assert!(text(&run(["serve", "--help"]).stdout).contains("SIGHUP"));
 }
 
 #[test]
