@@ -86,7 +86,7 @@ fn soak() {
     println!("percepts of the next daemon after it said that it serves: longest {:?} of {}", resumed.iter().max(), resumed.len());
     let stopped_ms = LONGEST_STOP_MS.load(Ordering::Relaxed);
     println!(
-        "longest time between two heartbeats: {} ms; in which the machine stopped this test itself: {stopped_ms} ms",
+        "longest time between two heartbeats: {} ms; longest time in which this test itself was stopped: {stopped_ms} ms",
         account.silence_ms
     );
     println!("{account:?}, lost {}", account.lost());
