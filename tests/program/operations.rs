@@ -152,6 +152,9 @@ fn reload_under_load_loses_nothing_and_switches_once() {
     assert_eq!((status.dropped, status.overflowed, status.answered), (0, 0, last + 1));
     assert_eq!(beo_ipc::text::from_field(&status.model_name), "other");
     assert_ne!(first, second);
+    // What is read anew is the file that is served now.
+    let again = run(["reload", "--instance", &name]);
+    assert!(again.status.success() && text(&again.stdout).contains(&format!("{:016x}", models[1])), "{}", text(&again.stderr));
 }
 
 #[test]
