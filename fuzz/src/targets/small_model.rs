@@ -38,7 +38,7 @@ fn learned() -> Model {
     };
     let shapes = Shapes {
         classes: CLASSES.map(String::from).to_vec(),
-        shapes: (0..CLASSES.len()).flat_map(|class| (0..FEWEST_SHAPES + 2).map(move |seed| shape(class, seed))).collect(),
+        shapes: (0..CLASSES.len()).flat_map(|class| (0..FEWEST_SHAPES + 8).map(move |seed| shape(class, seed))).collect(),
         skipped: Vec::new(),
         shared: Vec::new(),
     };
