@@ -18,7 +18,7 @@
 //!
 //! Imports run one way: [`grid`] ← [`shapes`], [`model`] ← [`perception`] ← [`learning`] (whose calibration scores held-out
 //! objects as queries are scored), [`evaluation`], [`service`] ← [`benchmark`] ← [`cli`]. [`picture`] draws what the last ones show,
-//! [`linear`] wraps the factorisations, and [`process`] starts other processes. Only [`service`], [`benchmark`] and the subcommands know
+//! [`linear`] wraps the factorisations, [`memory`] says how much may be taken, and [`process`] starts other processes. Only [`service`], [`benchmark`] and the subcommands know
 //! of shared memory (the crate `beo_ipc`).
 
 pub mod benchmark;
@@ -27,6 +27,7 @@ pub mod evaluation;
 pub mod grid;
 pub mod learning;
 pub mod linear;
+pub mod memory;
 pub mod model;
 pub mod perception;
 pub mod picture;

@@ -20,6 +20,8 @@ class PerceptStatus(enum.IntEnum):
     UNKNOWN_VERSION = 5
     POSE_SEARCH_NOT_SUPPORTED = 6
     INTERNAL = 7
+    STOPPING = 8
+    EXPIRED = 9
 
 
 class PoseSearch(enum.IntEnum):
@@ -50,6 +52,13 @@ class Method(enum.IntEnum):
     PAPER = 3
     EVIDENCE = 4
     HULL = 5
+
+
+class DaemonState(enum.IntEnum):
+    SERVING = 0
+    RELOADING = 1
+    STOPPING = 2
+    FAILING = 3
 
 
 class ObservationHeader(ctypes.Structure):
@@ -269,14 +278,22 @@ class Status(ctypes.Structure):
         ("answered", ctypes.c_uint64),
         ("dropped", ctypes.c_uint64),
         ("refused", ctypes.c_uint64),
+        ("failed", ctypes.c_uint64),
+        ("overflowed", ctypes.c_uint64),
+        ("latency_count", ctypes.c_uint64),
         ("latency_p50_ns", ctypes.c_uint64),
         ("latency_p90_ns", ctypes.c_uint64),
         ("latency_p99_ns", ctypes.c_uint64),
+        ("latency_p999_ns", ctypes.c_uint64),
+        ("latency_max_ns", ctypes.c_uint64),
         ("dims", ctypes.c_uint32 * 3),
         ("class_count", ctypes.c_uint32),
+        ("state", ctypes.c_uint32),
+        ("reloads", ctypes.c_uint32),
+        ("reloads_refused", ctypes.c_uint32),
         ("class_names", (ctypes.c_uint8 * 32) * 64),
         ("model_name", ctypes.c_uint8 * 64),
-        ("reserved", ctypes.c_uint8 * 64),
+        ("reserved", ctypes.c_uint8 * 12),
     ]
 
     @staticmethod
@@ -296,14 +313,22 @@ assert Status.received.offset == 48 and Status.received.size == 8
 assert Status.answered.offset == 56 and Status.answered.size == 8
 assert Status.dropped.offset == 64 and Status.dropped.size == 8
 assert Status.refused.offset == 72 and Status.refused.size == 8
-assert Status.latency_p50_ns.offset == 80 and Status.latency_p50_ns.size == 8
-assert Status.latency_p90_ns.offset == 88 and Status.latency_p90_ns.size == 8
-assert Status.latency_p99_ns.offset == 96 and Status.latency_p99_ns.size == 8
-assert Status.dims.offset == 104 and Status.dims.size == 12
-assert Status.class_count.offset == 116 and Status.class_count.size == 4
-assert Status.class_names.offset == 120 and Status.class_names.size == 2048
-assert Status.model_name.offset == 2168 and Status.model_name.size == 64
-assert Status.reserved.offset == 2232 and Status.reserved.size == 64
+assert Status.failed.offset == 80 and Status.failed.size == 8
+assert Status.overflowed.offset == 88 and Status.overflowed.size == 8
+assert Status.latency_count.offset == 96 and Status.latency_count.size == 8
+assert Status.latency_p50_ns.offset == 104 and Status.latency_p50_ns.size == 8
+assert Status.latency_p90_ns.offset == 112 and Status.latency_p90_ns.size == 8
+assert Status.latency_p99_ns.offset == 120 and Status.latency_p99_ns.size == 8
+assert Status.latency_p999_ns.offset == 128 and Status.latency_p999_ns.size == 8
+assert Status.latency_max_ns.offset == 136 and Status.latency_max_ns.size == 8
+assert Status.dims.offset == 144 and Status.dims.size == 12
+assert Status.class_count.offset == 156 and Status.class_count.size == 4
+assert Status.state.offset == 160 and Status.state.size == 4
+assert Status.reloads.offset == 164 and Status.reloads.size == 4
+assert Status.reloads_refused.offset == 168 and Status.reloads_refused.size == 4
+assert Status.class_names.offset == 172 and Status.class_names.size == 2048
+assert Status.model_name.offset == 2220 and Status.model_name.size == 64
+assert Status.reserved.offset == 2284 and Status.reserved.size == 12
 
 
 # What the attribute `beo.layout` of each service must say.
@@ -311,5 +336,5 @@ LAYOUTS = {
     "observation": "ac18ffaea62b8ecf",
     "percept": "647c48a55f3a6c9d",
     "completion": "afcef3a2f37815de",
-    "status": "3d431661199e0a0b",
+    "status": "ecd0d4786662758d",
 }

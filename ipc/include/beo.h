@@ -118,12 +118,19 @@ enum beo_percept_status
     BEO_PERCEPT_STATUS_BAD_VOXEL = 3,
     /** A value of the header is out of its range (see the explanation). `detail` is 0. */
     BEO_PERCEPT_STATUS_BAD_HEADER = 4,
-    /** The header's `abi_version` is not `BEO_ABI_VERSION`. `detail` is the version found. */
+    /**
+     * The header's `abi_version` is not `BEO_ABI_VERSION`. `detail` is the version found. Producer, object, sequence and stamps are
+     * what lies at their places of this version.
+     */
     BEO_PERCEPT_STATUS_UNKNOWN_VERSION = 5,
     /** The daemon cannot do this pose search. `detail` is the `pose_search` asked for. */
     BEO_PERCEPT_STATUS_POSE_SEARCH_NOT_SUPPORTED = 6,
     /** The daemon failed on a valid observation; the explanation says why. */
     BEO_PERCEPT_STATUS_INTERNAL = 7,
+    /** The daemon ends and had no time left for this observation. `detail` is 0. */
+    BEO_PERCEPT_STATUS_STOPPING = 8,
+    /** The observation's `deadline_ns` had passed before its turn came. `detail` is by how many nanoseconds. */
+    BEO_PERCEPT_STATUS_EXPIRED = 9,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -238,6 +245,29 @@ typedef uint32_t beo_method;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+/** What the daemon does: `beo_daemon_status.state`. */
+enum beo_daemon_state
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** It answers. */
+    BEO_DAEMON_STATE_SERVING = 0,
+    /** It answers with the model it has, and checks another. */
+    BEO_DAEMON_STATE_RELOADING = 1,
+    /** It ends: what waits is answered as long as there is time. */
+    BEO_DAEMON_STATE_STOPPING = 2,
+    /** It failed on the last observation that it tried to answer (`beo_percept_status.Internal`). */
+    BEO_DAEMON_STATE_FAILING = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_daemon_state beo_daemon_state;
+#else
+typedef uint32_t beo_daemon_state;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 /** A completed grid in shared memory. From `beo_subscriber_take_completion` to `beo_completion_release`. */
 typedef struct beo_completion beo_completion;
 
@@ -272,11 +302,11 @@ typedef struct beo_observation_header {
     uint64_t sensor_stamp_ns;
     /** When the grid was written and sent; 0 if the producer does not say. */
     uint64_t written_ns;
-    /** After this time the answer is of no use; 0 for no deadline. */
+    /** After this time the answer is of no use: an observation whose turn comes later is refused; 0 for no deadline. */
     uint64_t deadline_ns;
     /** The grid's centre in the frame `frame_id`, metres. */
     double position_m[3];
-    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w. */
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w; refused where its norm is not 1 within 0.001. */
     double orientation[4];
     /** Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels). */
     float voxel_size_m;
@@ -370,7 +400,7 @@ typedef struct beo_percept {
     uint64_t published_ns;
     /** The grid's centre in the frame `frame_id`, metres, as the observation had it. */
     double position_m[3];
-    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it. */
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1. */
     double orientation[4];
     /** Edge of a voxel, metres, as the observation had it. */
     float voxel_size_m;
@@ -429,7 +459,7 @@ typedef struct beo_completion_header {
     uint64_t published_ns;
     /** The grid's centre in the frame `frame_id`, metres, as the observation had it. */
     double position_m[3];
-    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it. */
+    /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1. */
     double orientation[4];
     /** Edge of a voxel, metres. */
     float voxel_size_m;
@@ -479,30 +509,49 @@ typedef struct beo_daemon_status {
     uint64_t heartbeat_ns;
     /** When to expect the next: this long after `heartbeat_ns`. */
     uint64_t heartbeat_interval_ns;
-    /** Observations that arrived; the sum of the next three and of those still in work. */
+    /** Observations that the daemon took; the sum of the next three and of those that still wait (`beo_daemon_status.waiting`). */
     uint64_t received;
     /** Observations that were answered with status ok. */
     uint64_t answered;
-    /** Observations that a newer one of the same stream replaced. */
+    /** Observations that a newer one of the same stream replaced, or for which there was no room. */
     uint64_t dropped;
     /** Observations that were answered with another status. */
     uint64_t refused;
-    /** Median time from taking an observation to sending its percept, over the daemon's recent observations. */
+    /** Of the refused, those that were the daemon's own failure (`beo_percept_status.Internal`). */
+    uint64_t failed;
+    /**
+     * Observations that were lost before the daemon took them, because their producer's queue was full: gaps in the numbers of the
+     * observations that it took. Not part of `received`. Those before the first and after the last that it took are not known.
+     */
+    uint64_t overflowed;
+    /** Percepts sent in the last minute; the latencies are theirs. Those refused on arrival do not count. */
+    uint64_t latency_count;
+    /** Median time from taking an observation to sending its percept, in the last minute, to within 1 %; 0 if there was none. */
     uint64_t latency_p50_ns;
     /** 90th percentile of the same. */
     uint64_t latency_p90_ns;
     /** 99th percentile of the same. */
     uint64_t latency_p99_ns;
+    /** 99.9th percentile of the same. */
+    uint64_t latency_p999_ns;
+    /** Longest of the same. */
+    uint64_t latency_max_ns;
     /** The model's dims. */
     uint32_t dims[3];
     /** How many entries of `class_names` are used. */
     uint32_t class_count;
+    /** What the daemon does: a number of `beo_daemon_state`. */
+    uint32_t state;
+    /** How often another model took the place of the one before. */
+    uint32_t reloads;
+    /** How often that was asked for and refused: the model before goes on. */
+    uint32_t reloads_refused;
     /** The names of the classes: UTF-8, padded with NUL. */
     uint8_t class_names[64][32];
     /** The model's name, for people: UTF-8, padded with NUL. */
     uint8_t model_name[64];
     /** 0. */
-    uint8_t reserved[64];
+    uint8_t reserved[12];
 } beo_daemon_status;
 
 /** How to open a producer. Start from `BEO_PRODUCER_OPTIONS_INIT`. */
@@ -929,22 +978,38 @@ BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dropped) == 64, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->dropped) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_daemon_status, refused) == 72, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->refused) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p50_ns) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, failed) == 80, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->failed) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, overflowed) == 88, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->overflowed) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_count) == 96, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_count) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p50_ns) == 104, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p50_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p90_ns) == 88, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p90_ns) == 112, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p90_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p99_ns) == 96, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p99_ns) == 120, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p99_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dims) == 104, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p999_ns) == 128, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p999_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_max_ns) == 136, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_max_ns) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dims) == 144, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->dims) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_count) == 116, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_count) == 156, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->class_count) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_names) == 120, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, state) == 160, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->state) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reloads) == 164, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reloads) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reloads_refused) == 168, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reloads_refused) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_names) == 172, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->class_names) == 2048, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, model_name) == 2168, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, model_name) == 2220, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->model_name) == 64, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reserved) == 2232, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reserved) == 64, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reserved) == 2284, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reserved) == 12, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_subscriber_options) == 16, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, size) == 0, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, completion) == 4, "layout");

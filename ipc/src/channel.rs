@@ -60,7 +60,7 @@ pub const fn observation_chunks(voxels: usize) -> usize {
 }
 
 /// How long creating or removing a service by someone else is waited for.
-const PATIENCE: Duration = Duration::from_secs(2);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The limits of a publish-subscribe service. Overflow is always on: a reader that does not read loses its oldest samples and delays
 /// nobody.
@@ -91,7 +91,7 @@ pub(crate) fn percept_layout_text() -> String {
     format!("{:016x}", Percept::LAYOUT_HASH ^ Hypothesis::LAYOUT_HASH.rotate_left(1))
 }
 
-fn failed(what: &str, cause: impl Debug) -> OpenError {
+pub(crate) fn failed(what: &str, cause: impl Debug) -> OpenError {
     OpenError::Failed { what: format!("`{what}`"), cause: format!("{cause:?}") }
 }
 
@@ -115,7 +115,7 @@ fn pubsub_open_error(service: &str, error: PublishSubscribeOpenError) -> OpenErr
 }
 
 /// Fails unless the service carries this layout hash.
-fn check_layout(service: &str, attributes: &AttributeSet, expected: &str) -> Result<(), OpenError> {
+pub(crate) fn check_layout(service: &str, attributes: &AttributeSet, expected: &str) -> Result<(), OpenError> {
     let found = LAYOUT_ATTRIBUTE
         .try_into()
         .ok()

@@ -32,14 +32,46 @@ pub enum PerceptStatus {
     BadVoxel = 3,
     /// A value of the header is out of its range (see the explanation). `detail` is 0.
     BadHeader = 4,
-    /// The header's `abi_version` is not [`crate::ABI_VERSION`]. `detail` is the version found.
+    /// The header's `abi_version` is not [`crate::ABI_VERSION`]. `detail` is the version found. Producer, object, sequence and stamps are
+    /// what lies at their places of this version.
     UnknownVersion = 5,
     /// The daemon cannot do this pose search. `detail` is the `pose_search` asked for.
     PoseSearchNotSupported = 6,
     /// The daemon failed on a valid observation; the explanation says why.
     Internal = 7,
+    /// The daemon ends and had no time left for this observation. `detail` is 0.
+    Stopping = 8,
+    /// The observation's `deadline_ns` had passed before its turn came. `detail` is by how many nanoseconds.
+    Expired = 9,
 }
-checked_codes!(PerceptStatus { Ok, BadDims, DimsNotOfModel, BadVoxel, BadHeader, UnknownVersion, PoseSearchNotSupported, Internal });
+checked_codes!(PerceptStatus {
+    Ok,
+    BadDims,
+    DimsNotOfModel,
+    BadVoxel,
+    BadHeader,
+    UnknownVersion,
+    PoseSearchNotSupported,
+    Internal,
+    Stopping,
+    Expired
+});
+
+/// What the daemon does: [`crate::Status::state`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum DaemonState {
+    /// It answers.
+    #[default]
+    Serving = 0,
+    /// It answers with the model it has, and checks another.
+    Reloading = 1,
+    /// It ends: what waits is answered as long as there is time.
+    Stopping = 2,
+    /// It failed on the last observation that it tried to answer ([`PerceptStatus::Internal`]).
+    Failing = 3,
+}
+checked_codes!(DaemonState { Serving, Reloading, Stopping, Failing });
 
 /// What is known of the object's rotation: [`crate::ObservationHeader::pose_search`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -129,15 +161,16 @@ mod tests {
 
     #[test]
     fn codes_round_trip_and_unknown_ones_are_refused() {
-        for code in 0..8 {
+        for code in 0..10 {
             assert_eq!(PerceptStatus::from_code(code).map(PerceptStatus::code), Some(code));
         }
-        for code in [8, 255, u32::MAX] {
+        for code in [10, 255, u32::MAX] {
             assert_eq!(PerceptStatus::from_code(code), None);
             assert_eq!(PoseSearch::from_code(code), None);
             assert_eq!(Method::from_code(code), None);
         }
         assert_eq!(PoseSearch::from_code(3), None);
+        assert_eq!(DaemonState::from_code(4), None);
         assert_eq!(CompletionFrame::from_code(2), None);
         assert_eq!(Outside::from_code(2), None);
         assert_eq!(View::from_code(2), None);

@@ -138,6 +138,9 @@ pub enum SendError {
     /// The producer that it was loaned from is gone: closed, or let go because its daemon was gone.
     #[error("the producer was closed, or its daemon went away, after this was loaned: it is lost, loan anew")]
     ProducerGone,
+    /// A reader was killed while it connected, and what it left cannot be removed yet.
+    #[error("a reader was killed while it connected, and its empty segment in /dev/shm is still there: try again with the next one")]
+    PeerInTheWay,
     /// Anything else, in iceoryx2's words.
     #[error("cannot send a sample: {0}")]
     Failed(String),

@@ -2,20 +2,23 @@
 //!
 //! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends
 //! - [`reconnect`]: the same two clients' ends, outliving the daemon
+//! - [`control`]: small calls to the daemon, each with an answer
 //! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data
 //!   and as a hash; [`text`]: its text fields; [`clock`]: its stamps
 //! - [`validate`]: which observations are refused, and why
 //! - [`names`]: instance names and service names; [`node`]: how iceoryx2 is joined; [`channel`]: limits of the services
 //! - [`memory`]: is there room in shared memory; [`error`]: what can go wrong and what to do
 //!
-//! A process that was killed at a bad moment does not block the others: opening a role, and `maintain`, first remove the empty segment it
-//! may have left in /dev/shm, for which iceoryx2 0.10.0 would wait for ever (private module `orphans`).
+//! A process that was killed at a bad moment does not block the others: the empty segment that it may have left in /dev/shm, for which
+//! iceoryx2 0.10.0 would wait for ever (private module `orphans`), is removed when a role is opened, by `maintain`, before a client connects
+//! to a new peer (`peers`), and by a thread of the daemon (`sweeper`).
 //!
 //! All `unsafe` is in one private module, `shared`.
 
 pub mod channel;
 pub mod clock;
 pub mod codes;
+pub mod control;
 pub mod error;
 mod identity;
 pub mod layout;
@@ -25,15 +28,18 @@ pub mod messages;
 pub mod names;
 pub mod node;
 mod orphans;
+mod peers;
 mod producer;
 pub mod reconnect;
 mod server;
 mod shared;
 mod subscriber;
+mod sweeper;
 pub mod text;
 pub mod validate;
 
-pub use codes::{CompletionFrame, Method, Outside, PerceptStatus, PoseSearch, View, tasks};
+pub use codes::{CompletionFrame, DaemonState, Method, Outside, PerceptStatus, PoseSearch, View, tasks};
+pub use control::{ReloadCall, ReloadError, request_reload};
 pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 pub use messages::{ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, ObservationHeader, Percept, Status};
 pub use names::{InstanceName, InstanceNameError};

@@ -10,6 +10,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::codes::{CompletionFrame, Outside, PoseSearch, View, tasks};
 use crate::layout::{Scalar, layout};
 use crate::limits::{EXPLANATION_LEN, MAX_CLASSES, MAX_HYPOTHESES, NAME_LEN};
+use crate::validate::normalised;
 
 const _: () = assert!(MAX_CLASSES == 64 && MAX_HYPOTHESES == 8 && NAME_LEN == 32 && EXPLANATION_LEN == 128);
 
@@ -42,11 +43,11 @@ pub struct ObservationHeader {
     pub sensor_stamp_ns: u64,
     /// When the grid was written and sent; 0 if the producer does not say.
     pub written_ns: u64,
-    /// After this time the answer is of no use; 0 for no deadline.
+    /// After this time the answer is of no use: an observation whose turn comes later is refused; 0 for no deadline.
     pub deadline_ns: u64,
     /// The grid's centre in the frame `frame_id`, metres.
     pub position_m: [f64; 3],
-    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w.
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w; refused where its norm is not 1 within 0.001.
     pub orientation: [f64; 4],
     /// Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels).
     pub voxel_size_m: f32,
@@ -184,7 +185,7 @@ pub struct Percept {
     pub published_ns: u64,
     /// The grid's centre in the frame `frame_id`, metres, as the observation had it.
     pub position_m: [f64; 3],
-    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it.
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1.
     pub orientation: [f64; 4],
     /// Edge of a voxel, metres, as the observation had it.
     pub voxel_size_m: f32,
@@ -271,7 +272,7 @@ impl Percept {
             sensor_stamp_ns: observation.sensor_stamp_ns,
             written_ns: observation.written_ns,
             position_m: observation.position_m,
-            orientation: observation.orientation,
+            orientation: normalised(observation.orientation),
             voxel_size_m: observation.voxel_size_m,
             dims: observation.dims,
             frame_id: observation.frame_id,
@@ -308,7 +309,7 @@ pub struct CompletionHeader {
     pub published_ns: u64,
     /// The grid's centre in the frame `frame_id`, metres, as the observation had it.
     pub position_m: [f64; 3],
-    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it.
+    /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1.
     pub orientation: [f64; 4],
     /// Edge of a voxel, metres.
     pub voxel_size_m: f32,
@@ -346,7 +347,7 @@ impl CompletionHeader {
             sensor_stamp_ns: observation.sensor_stamp_ns,
             published_ns: 0,
             position_m: observation.position_m,
-            orientation: observation.orientation,
+            orientation: normalised(observation.orientation),
             voxel_size_m: observation.voxel_size_m,
             dims: observation.dims,
             frame_id: observation.frame_id,
@@ -384,35 +385,53 @@ pub struct Status {
     pub heartbeat_ns: u64,
     /// When to expect the next: this long after `heartbeat_ns`.
     pub heartbeat_interval_ns: u64,
-    /// Observations that arrived; the sum of the next three and of those still in work.
+    /// Observations that the daemon took; the sum of the next three and of those that still wait ([`Status::waiting`]).
     pub received: u64,
     /// Observations that were answered with status ok.
     pub answered: u64,
-    /// Observations that a newer one of the same stream replaced.
+    /// Observations that a newer one of the same stream replaced, or for which there was no room.
     pub dropped: u64,
     /// Observations that were answered with another status.
     pub refused: u64,
-    /// Median time from taking an observation to sending its percept, over the daemon's recent observations.
+    /// Of the refused, those that were the daemon's own failure ([`crate::PerceptStatus::Internal`]).
+    pub failed: u64,
+    /// Observations that were lost before the daemon took them, because their producer's queue was full: gaps in the numbers of the
+    /// observations that it took. Not part of `received`. Those before the first and after the last that it took are not known.
+    pub overflowed: u64,
+    /// Percepts sent in the last minute; the latencies are theirs. Those refused on arrival do not count.
+    pub latency_count: u64,
+    /// Median time from taking an observation to sending its percept, in the last minute, to within 1 %; 0 if there was none.
     pub latency_p50_ns: u64,
     /// 90th percentile of the same.
     pub latency_p90_ns: u64,
     /// 99th percentile of the same.
     pub latency_p99_ns: u64,
+    /// 99.9th percentile of the same.
+    pub latency_p999_ns: u64,
+    /// Longest of the same.
+    pub latency_max_ns: u64,
     /// The model's dims.
     pub dims: [u32; 3],
     /// How many entries of `class_names` are used.
     pub class_count: u32,
+    /// What the daemon does: a number of [`crate::DaemonState`].
+    pub state: u32,
+    /// How often another model took the place of the one before.
+    pub reloads: u32,
+    /// How often that was asked for and refused: the model before goes on.
+    pub reloads_refused: u32,
     /// The names of the classes: UTF-8, padded with NUL.
     pub class_names: [[u8; 32]; 64],
     /// The model's name, for people: UTF-8, padded with NUL.
     pub model_name: [u8; 64],
     /// 0.
-    pub reserved: [u8; 64],
+    pub reserved: [u8; 12],
 }
 layout!(Status: 2296 {
     abi_version @ 0, pid @ 4, daemon_id @ 8, model_id @ 16, started_ns @ 24, heartbeat_ns @ 32, heartbeat_interval_ns @ 40, received @ 48,
-    answered @ 56, dropped @ 64, refused @ 72, latency_p50_ns @ 80, latency_p90_ns @ 88, latency_p99_ns @ 96, dims @ 104, class_count @ 116,
-    class_names @ 120, model_name @ 2168, reserved @ 2232,
+    answered @ 56, dropped @ 64, refused @ 72, failed @ 80, overflowed @ 88, latency_count @ 96, latency_p50_ns @ 104, latency_p90_ns @ 112,
+    latency_p99_ns @ 120, latency_p999_ns @ 128, latency_max_ns @ 136, dims @ 144, class_count @ 156, state @ 160, reloads @ 164,
+    reloads_refused @ 168, class_names @ 172, model_name @ 2220, reserved @ 2284,
 });
 
 impl Status {
@@ -429,15 +448,28 @@ impl Status {
         answered: 0,
         dropped: 0,
         refused: 0,
+        failed: 0,
+        overflowed: 0,
+        latency_count: 0,
         latency_p50_ns: 0,
         latency_p90_ns: 0,
         latency_p99_ns: 0,
+        latency_p999_ns: 0,
+        latency_max_ns: 0,
         dims: [0; 3],
         class_count: 0,
+        state: 0,
+        reloads: 0,
+        reloads_refused: 0,
         class_names: [[0; NAME_LEN]; MAX_CLASSES],
         model_name: [0; 64],
-        reserved: [0; 64],
+        reserved: [0; 12],
     };
+
+    /// Observations that were taken and not yet answered, refused or dropped.
+    pub fn waiting(&self) -> u64 {
+        [self.answered, self.refused, self.dropped].into_iter().fold(self.received, u64::saturating_sub)
+    }
 
     /// The names of the classes that are used, in the order of [`Percept::posterior`].
     pub fn class_names(&self) -> impl Iterator<Item = &str> {
@@ -462,8 +494,15 @@ mod tests {
         ];
         assert_eq!(
             hashes.map(|hash| format!("{hash:016x}")),
-            ["ac18ffaea62b8ecf", "fec395a92f4fab4f", "99fb63f701a53a02", "afcef3a2f37815de", "3d431661199e0a0b",]
+            ["ac18ffaea62b8ecf", "fec395a92f4fab4f", "99fb63f701a53a02", "afcef3a2f37815de", "ecd0d4786662758d",]
         );
+    }
+
+    #[test]
+    fn what_is_not_yet_accounted_for_waits() {
+        let status = Status { received: 10, answered: 4, refused: 2, dropped: 1, overflowed: 99, ..Status::EMPTY };
+        assert_eq!(status.waiting(), 3);
+        assert_eq!(Status { answered: u64::MAX, ..status }.waiting(), 0);
     }
 
     #[test]

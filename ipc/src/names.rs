@@ -80,6 +80,11 @@ impl InstanceName {
         self.service("perceived")
     }
 
+    /// Name of the service of control calls.
+    pub fn control(&self) -> String {
+        self.service("control")
+    }
+
     fn service(&self, channel: &str) -> String {
         format!("beo/{}/{channel}", self.0)
     }
@@ -118,6 +123,7 @@ mod tests {
         assert_eq!(instance.status(), "beo/default/status");
         assert_eq!(instance.observed(), "beo/default/observed");
         assert_eq!(instance.perceived(), "beo/default/perceived");
+        assert_eq!(instance.control(), "beo/default/control");
     }
 
     #[test]

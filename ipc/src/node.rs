@@ -22,6 +22,11 @@ pub fn config() -> Config {
     config
 }
 
+/// What the names of all segments start with.
+pub(crate) fn prefix() -> Vec<u8> {
+    config().global.prefix.as_bytes().to_vec()
+}
+
 /// A node named after its role, `beo-ROLE-INSTANCE`. It cleans up after dead nodes first.
 pub(crate) fn create(role: &str, instance: &crate::InstanceName) -> Result<Node<Ipc>, OpenError> {
     let name = format!("beo-{role}-{instance}");

@@ -9,8 +9,8 @@
 //! Therefore such files are removed before iceoryx2 cleans up. To do so helps even a process that is already blocked: its loop opens the
 //! file by name every millisecond, and ends when the name is gone.
 //!
-//! Not covered: sending and receiving connect to new peers by themselves, without a look here. Who meets the half-made connection of a peer
-//! that has just been killed waits there until the housekeeping of another process removes it.
+//! Sending and receiving connect to new peers by themselves: clients look here before ([`crate::peers`]), and the daemon, which has the most
+//! peers, has a thread that does it ([`crate::sweeper`]).
 
 use std::fs::DirEntry;
 use std::io;

@@ -10,7 +10,7 @@ use iceoryx2::prelude::{Node, PortFactory as _};
 use iceoryx2::sample_mut::SampleMut;
 
 use crate::InstanceName;
-use crate::channel::{self, LOANS, PerceptService};
+use crate::channel::{self, LOANS, ObservationService, PerceptService};
 use crate::clock::monotonic_ns;
 use crate::error::{LoanError, OpenError, SendError, retry_within};
 use crate::identity::unique_id;
@@ -18,6 +18,7 @@ use crate::limits::voxel_count;
 use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::ObservationHeader;
 use crate::node::{self, Ipc};
+use crate::peers::Peers;
 use crate::shared::with_old_content;
 
 /// Writes observations of one size.
@@ -41,6 +42,8 @@ pub struct Producer {
 struct Outlet {
     observed: Notifier<Ipc>,
     sent: AtomicU64,
+    service: ObservationService,
+    readers: Peers,
 }
 
 impl Producer {
@@ -70,7 +73,7 @@ impl Producer {
         let observed = channel::create_notifier(&channel::open_event(&node, instance, &instance.observed())?)?;
         Ok(Self {
             publisher,
-            outlet: Arc::new(Outlet { observed, sent: AtomicU64::new(sent) }),
+            outlet: Arc::new(Outlet { observed, sent: AtomicU64::new(sent), service: observation, readers: Peers::default() }),
             template: *template,
             voxels,
             percept,
@@ -176,10 +179,13 @@ impl Loan {
     /// Sends the grid and wakes the daemon. Never waits for a reader.
     ///
     /// # Errors
-    /// [`SendError::ProducerGone`] if the producer was dropped since;
-    /// [`SendError::Failed`] if iceoryx2 could not deliver it.
+    /// [`SendError::ProducerGone`] if the producer was dropped since; [`SendError::PeerInTheWay`] if what a killed reader left cannot be
+    /// removed; [`SendError::Failed`] if iceoryx2 could not deliver it.
     #[inline]
     pub fn send(mut self) -> Result<Sent, SendError> {
+        if !self.outlet.readers.ready_to_send(&self.outlet.service) {
+            return Err(SendError::PeerInTheWay);
+        }
         let sequence = self.outlet.sent.fetch_add(1, Ordering::Relaxed) + 1;
         let header = self.sample.user_header_mut();
         (header.sequence, header.written_ns) = (sequence, monotonic_ns());

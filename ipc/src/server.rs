@@ -13,6 +13,7 @@ use iceoryx2::sample_mut::SampleMut;
 use crate::InstanceName;
 use crate::channel::{self, Limits, OBSERVATION_READERS, observation_buffer};
 use crate::clock::monotonic_ns;
+use crate::control::{self, ControlPort, ReloadCall};
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::identity::unique_id;
 use crate::limits::{MAX_PRODUCERS, MAX_SUBSCRIBERS, voxel_count};
@@ -20,6 +21,7 @@ use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::{ABI_VERSION, CompletionHeader, ObservationHeader, Percept, Status};
 use crate::node::{self, Ipc};
 use crate::shared::copy_of;
+use crate::sweeper::Sweeper;
 use crate::validate::{Refusal, validate};
 
 /// Percepts that are kept for a reader that is late.
@@ -67,10 +69,13 @@ pub struct Server {
     observations: Reader<Ipc, [u8], ObservationHeader>,
     observed: Listener<Ipc>,
     perceived: Notifier<Ipc>,
+    control: ControlPort,
     completion_len: usize,
     daemon_id: u64,
-    // Dropped last.
+    // Dropped last, with what keeps dropping the others from waiting.
     node: Node<Ipc>,
+    #[expect(dead_code, reason = "sweeps until dropped")]
+    sweeper: Sweeper,
 }
 
 impl Server {
@@ -83,6 +88,8 @@ impl Server {
         let voxels = voxel_count(options.dims).ok_or(OpenError::BadDims(options.dims))?;
         let completion_len = 2 * voxels;
         let node = node::create("daemon", instance)?;
+        let sweeper =
+            Sweeper::start(node::prefix()).map_err(|error| OpenError::Failed { what: "a thread".to_owned(), cause: error.to_string() })?;
         match channel::open_percept(&node, instance) {
             Ok(running) if channel::daemon_runs(&running) => {
                 return Err(OpenError::AlreadyRunning { instance: instance.clone(), pid: channel::daemon_pid(&running) });
@@ -120,7 +127,20 @@ impl Server {
         let observations = channel::create_reader(&observation)?;
         let perceived = channel::create_event(&node, &instance.perceived(), 1, options.subscribers, nodes)?;
         let perceived = channel::create_notifier(&perceived)?;
-        Ok(Self { percepts, completions, statuses, observations, observed, perceived, completion_len, daemon_id: unique_id(), node })
+        let control = control::create(&node, instance)?;
+        Ok(Self {
+            percepts,
+            completions,
+            statuses,
+            observations,
+            observed,
+            perceived,
+            control,
+            completion_len,
+            daemon_id: unique_id(),
+            node,
+            sweeper,
+        })
     }
 
     /// This run of the daemon; everything that is sent carries it.
@@ -149,6 +169,14 @@ impl Server {
         let header = copy_of(sample.user_header());
         let payload_len = usize::try_from(sample.header().number_of_elements()).unwrap_or(usize::MAX);
         Ok(Some(Observation { header, payload_len, sample }))
+    }
+
+    /// The next call for another model; to be looked for now and then, as it comes without a wake-up.
+    ///
+    /// # Errors
+    /// [`ReceiveError::Failed`] if iceoryx2 could not receive it.
+    pub fn receive_reload(&self) -> Result<Option<ReloadCall>, ReceiveError> {
+        control::receive(&self.control)
     }
 
     /// Sends a percept, stamped with this daemon's id and `published_ns`, and wakes the subscribers.

@@ -10,11 +10,12 @@ use iceoryx2::prelude::Node;
 use iceoryx2::sample::Sample;
 
 use crate::InstanceName;
-use crate::channel::{self, PerceptService, Woken};
+use crate::channel::{self, CompletionService, PerceptService, StatusService, Woken};
 use crate::error::{OpenError, ReceiveError, WaitError, retry_within};
 use crate::limits::voxel_count;
 use crate::messages::{CompletionHeader, Percept, Status};
 use crate::node::{self, Ipc};
+use crate::peers::Peers;
 use crate::shared::{copy_of, descriptor_of};
 
 /// What to subscribe to.
@@ -32,13 +33,23 @@ pub struct SubscriberOptions {
 #[derive(Debug)]
 pub struct Subscriber {
     percepts: Reader<Ipc, Percept, ()>,
-    completions: Option<Reader<Ipc, [u8], CompletionHeader>>,
+    completions: Option<Completions>,
     statuses: Reader<Ipc, Status, ()>,
     perceived: Listener<Ipc>,
     last_status: Mutex<Option<Status>>,
     service: PerceptService,
+    status_service: StatusService,
+    /// Who was last received from: percepts, completions, statuses.
+    writers: [Peers; 3],
     // Dropped last.
     node: Node<Ipc>,
+}
+
+/// The big channel, for those who subscribe to it.
+#[derive(Debug)]
+struct Completions {
+    reader: Reader<Ipc, [u8], CompletionHeader>,
+    service: CompletionService,
 }
 
 impl Subscriber {
@@ -55,12 +66,17 @@ impl Subscriber {
         // The listener first: no percept arrives between it and the readers without a wake-up.
         let perceived = channel::create_listener(&channel::open_event(&node, instance, &instance.perceived())?)?;
         let completions = match options.completion {
-            true => Some(channel::create_reader(&channel::open_completion(&node, instance)?)?),
+            true => {
+                let service = channel::open_completion(&node, instance)?;
+                Some(Completions { reader: channel::create_reader(&service)?, service })
+            }
             false => None,
         };
         let percepts = channel::create_reader(&service)?;
-        let statuses = channel::create_reader(&channel::open_status(&node, instance)?)?;
-        Ok(Self { percepts, completions, statuses, perceived, last_status: Mutex::new(None), service, node })
+        let status_service = channel::open_status(&node, instance)?;
+        let statuses = channel::create_reader(&status_service)?;
+        let (last_status, writers) = (Mutex::new(None), Default::default());
+        Ok(Self { percepts, completions, statuses, perceived, last_status, service, status_service, writers, node })
     }
 
     /// As [`Subscriber::open`], but waits up to `timeout` for the daemon.
@@ -101,6 +117,9 @@ impl Subscriber {
     /// # Errors
     /// [`ReceiveError::Failed`] if iceoryx2 could not receive it.
     pub fn take_percept(&self) -> Result<Option<Percept>, ReceiveError> {
+        if !self.writers[0].ready_to_receive(&self.service) {
+            return Ok(None);
+        }
         let sample = self.percepts.receive().map_err(channel::receive_error)?;
         Ok(sample.map(|sample| copy_of(sample.payload())))
     }
@@ -112,7 +131,10 @@ impl Subscriber {
     /// [`ReceiveError::TooManyHeld`] until a completion taken earlier is dropped, [`ReceiveError::Broken`] if header and payload contradict
     /// each other.
     pub fn take_completion(&self) -> Result<Option<Completion>, ReceiveError> {
-        let Some(reader) = &self.completions else { return Ok(None) };
+        let Some(Completions { reader, service }) = &self.completions else { return Ok(None) };
+        if !self.writers[1].ready_to_receive(service) {
+            return Ok(None);
+        }
         let Some(sample) = reader.receive().map_err(channel::receive_error)? else { return Ok(None) };
         let header = copy_of(sample.user_header());
         let (expected, found) = (2 * voxel_count(header.dims).unwrap_or(0), sample.payload().len());
@@ -129,6 +151,9 @@ impl Subscriber {
     pub fn status(&self) -> Result<Option<Status>, ReceiveError> {
         // A thread that panicked while it held the lock left a whole status.
         let mut last = self.last_status.lock().unwrap_or_else(PoisonError::into_inner);
+        if !self.writers[2].ready_to_receive(&self.status_service) {
+            return Ok(*last);
+        }
         while let Some(sample) = self.statuses.receive().map_err(channel::receive_error)? {
             *last = Some(copy_of(sample.payload()));
         }
@@ -144,7 +169,7 @@ impl Subscriber {
         channel::update_connections(&self.percepts);
         channel::update_connections(&self.statuses);
         if let Some(completions) = &self.completions {
-            channel::update_connections(completions);
+            channel::update_connections(&completions.reader);
         }
     }
 }

@@ -10,6 +10,9 @@ use crate::text::to_field;
 /// How far the norm of a unit quaternion may be from 1.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
+/// What rounding leaves of a norm of 1.
+const ROUNDING: f64 = 1e-12;
+
 /// Why an observation is refused. The text is the percept's explanation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
@@ -76,6 +79,12 @@ pub enum Refusal {
     /// Known, but not by this daemon and model.
     #[error("pose_search {0:?} is not supported by this daemon")]
     PoseSearchNotSupported(PoseSearch),
+    /// The deadline has passed: the answer would be of no use.
+    #[error("its deadline passed {late_ns} ns before its turn: send fewer, or set deadline_ns (CLOCK_MONOTONIC) later")]
+    Expired {
+        /// How long ago, nanoseconds.
+        late_ns: u64,
+    },
     /// The daemon failed.
     #[error("{0}")]
     Internal(String),
@@ -93,6 +102,7 @@ impl Refusal {
                 PerceptStatus::BadHeader
             }
             Self::PoseSearchNotSupported(_) => PerceptStatus::PoseSearchNotSupported,
+            Self::Expired { .. } => PerceptStatus::Expired,
             Self::Internal(_) => PerceptStatus::Internal,
         }
     }
@@ -105,6 +115,7 @@ impl Refusal {
             Self::DimsNotOfModel { model: [x, y, z], .. } => u64::from(*x) | u64::from(*y) << 16 | u64::from(*z) << 32,
             Self::BadVoxel { index, .. } => *index as u64,
             Self::PoseSearchNotSupported(search) => u64::from(search.code()),
+            Self::Expired { late_ns } => *late_ns,
             Self::NotFinite(_)
             | Self::BadVoxelSize(_)
             | Self::NotUnit { .. }
@@ -154,6 +165,26 @@ pub fn validate(header: &ObservationHeader, payload_len: usize) -> Result<usize,
     Ok(voxels)
 }
 
+/// Fails if the header has a deadline that lies before `now_ns` (CLOCK_MONOTONIC): to be asked when the observation's turn comes.
+pub fn check_deadline(header: &ObservationHeader, now_ns: u64) -> Result<(), Refusal> {
+    match now_ns.checked_sub(header.deadline_ns) {
+        Some(late_ns) if header.deadline_ns != 0 && late_ns > 0 => Err(Refusal::Expired { late_ns }),
+        _ => Ok(()),
+    }
+}
+
+/// A valid quaternion at length 1, so that rotating by it scales nothing. One that is 1 but for rounding stays as it is, bit by bit.
+pub(crate) fn normalised(quaternion: [f64; 4]) -> [f64; 4] {
+    let norm = norm(quaternion);
+    let is_near = (ROUNDING..=QUATERNION_NORM_TOLERANCE).contains(&(norm - 1.0).abs());
+    if is_near { quaternion.map(|value| value / norm) } else { quaternion }
+}
+
+/// Of finite parts the norm is finite or, by overflow, infinite; never NaN.
+fn norm(quaternion: [f64; 4]) -> f64 {
+    quaternion.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
 fn check_rotation_prior(header: &ObservationHeader) -> Result<(), Refusal> {
     let concentration = header.rotation_prior_concentration;
     if !(concentration.is_finite() && concentration >= 0.0) {
@@ -168,9 +199,8 @@ fn check_rotation_prior(header: &ObservationHeader) -> Result<(), Refusal> {
     check_unit("rotation_prior", header.rotation_prior.map(f64::from))
 }
 
-/// Of finite parts the norm is finite or, by overflow, infinite; never NaN.
 fn check_unit(field: &'static str, quaternion: [f64; 4]) -> Result<(), Refusal> {
-    let norm = quaternion.iter().map(|value| value * value).sum::<f64>().sqrt();
+    let norm = norm(quaternion);
     if (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
         return Err(Refusal::NotUnit { field, norm });
     }
@@ -284,6 +314,29 @@ mod tests {
     }
 
     #[test]
+    fn quaternions_near_unit_are_repeated_at_length_one() {
+        let repeated = |orientation| Percept::answering(&ObservationHeader { orientation, ..ObservationHeader::new(DIMS) }).orientation;
+        let exact = [0.5, -0.5, 0.5, -0.5];
+        assert_eq!(repeated(exact), exact);
+        let rounded = [0.1_f64, 0.2, 0.3, 0.86_f64.sqrt()];
+        assert_eq!(repeated(rounded), rounded, "bit by bit");
+        let long = exact.map(|value| value * 1.0009);
+        assert!(repeated(long).iter().zip(exact).all(|(value, wanted)| (value - wanted).abs() < 1e-15));
+        let completion = crate::CompletionHeader::answering(&ObservationHeader { orientation: long, ..ObservationHeader::new(DIMS) });
+        assert_eq!(completion.orientation, repeated(long));
+    }
+
+    #[test]
+    fn a_deadline_counts_once_it_has_passed() {
+        let check = |deadline_ns, now_ns| check_deadline(&ObservationHeader { deadline_ns, ..ObservationHeader::new(DIMS) }, now_ns);
+        assert_eq!(check(0, u64::MAX), Ok(()), "0 is no deadline");
+        assert_eq!(check(u64::MAX, 5), Ok(()));
+        assert_eq!(check(5, 5), Ok(()));
+        let refusal = check(5, 8).unwrap_err();
+        assert_eq!((refusal.status(), refusal.detail()), (PerceptStatus::Expired, 3));
+    }
+
+    #[test]
     fn unknown_versions_and_choices_are_refused() {
         for version in [0, 2, u32::MAX] {
             let refusal = refusal(|header| header.abi_version = version);
@@ -341,6 +394,7 @@ mod tests {
             Refusal::BadConcentration(f32::MIN),
             Refusal::BadVoxelSize(-f32::from_bits(1)),
             Refusal::BadVoxelSize(f32::MIN),
+            Refusal::Expired { late_ns: u64::MAX },
         ];
         for refusal in long {
             let text = refusal.to_string();

@@ -14,8 +14,9 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
-use beo_ipc::{InstanceName, ObservationHeader, Producer, Server, ServerOptions};
+use beo_ipc::{InstanceName, ObservationHeader, Percept, Producer, Server, ServerOptions, Subscriber, SubscriberOptions};
 use iceoryx2::prelude::*;
+use rustix::process::{Pid, Signal, kill_process};
 
 const DIMS: [u32; 3] = [30; 3];
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -47,6 +48,33 @@ fn a_role_in_another_process() {
                 std::thread::sleep(PATIENCE);
             }
         }
+        // Those below never clean up by themselves.
+        "bare server" => {
+            let server = Server::open(&instance, &ServerOptions::new(DIMS)).unwrap();
+            say("serving");
+            for round in 1u64.. {
+                while server.receive().unwrap().is_some() {}
+                server.publish(&Percept { sequence: round, ..Percept::EMPTY }).unwrap();
+                say("alive");
+            }
+        }
+        "bare producer" => {
+            let producer = Producer::open_within(&instance, &ObservationHeader::new(DIMS), PATIENCE).unwrap();
+            loop {
+                // An error would say that it did not connect: also no waiting.
+                let _ = producer.loan().unwrap().send();
+                say("alive");
+            }
+        }
+        "bare subscriber" => {
+            let subscriber = Subscriber::open_within(&instance, &SubscriberOptions { completion: true }, PATIENCE).unwrap();
+            loop {
+                subscriber.take_percept().unwrap();
+                subscriber.take_completion().unwrap();
+                subscriber.status().unwrap();
+                say("alive");
+            }
+        }
         "another program" => {
             say("creating");
             let node = NodeBuilder::new().config(&Config::default()).create::<ipc_threadsafe::Service>().unwrap();
@@ -61,6 +89,8 @@ fn say(word: &str) {
     // Marked, as the test harness prints lines of its own.
     println!("\n@{word}");
     std::io::stdout().flush().unwrap();
+    // Whoever says the same again and again need not do so faster than anyone reads.
+    std::thread::sleep(Duration::from_millis(5));
 }
 
 struct Peer {
@@ -95,6 +125,21 @@ impl Peer {
             Ok(said) => assert_eq!(said, word),
             Err(error) => panic!("waited in vain for a process to say `{word}`: {error}"),
         }
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.child), signal).unwrap();
+    }
+
+    /// Says nothing more, after what it has said.
+    fn freeze(&self) {
+        self.signal(Signal::STOP);
+        let stat = format!("/proc/{}/stat", self.child.id());
+        // After the name in brackets comes the state.
+        while !std::fs::read_to_string(&stat).unwrap().rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with('T')) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        while self.said.recv_timeout(Duration::from_millis(50)).is_ok() {}
     }
 
     /// Kills the process, and leaves its segments whose names end in `suffix` as if it had been killed while it made them.
@@ -210,4 +255,51 @@ fn housekeeping_frees_another_program_that_is_already_blocked() {
     let blocked = Peer::start("another program", &instance);
     blocked.hear("creating");
     blocked.hear("created");
+}
+
+/// Freezes `role` while `peer` starts and is killed making its connections; then nobody but `role` itself can free it.
+fn goes_on_after_half_a_connection(role: &str, peer: &str) {
+    let _turn = Turn::take();
+    let instance = instance(&format!("half-{}", role.replace(' ', "-")));
+    let first = (role != "bare server").then(|| Peer::start("bare server", &instance));
+    if let Some(first) = &first {
+        first.hear("serving");
+    }
+    let frozen = Peer::start(role, &instance);
+    if first.is_none() {
+        frozen.hear("serving");
+    }
+    frozen.hear("alive");
+    frozen.freeze();
+    // The daemon's successor, where the frozen one is its client.
+    drop(first);
+    let killed = Peer::start(peer, &instance);
+    killed.hear(if peer == "bare server" { "serving" } else { "alive" });
+    let planted = killed.kill_while_making(".connection");
+    frozen.signal(Signal::CONT);
+    for _ in 0..20 {
+        frozen.hear("alive");
+    }
+    // Made anew where the frozen one connected before anyone cleaned up after the dead.
+    assert!(planted.iter().all(|segment| segment.metadata().map_or(true, |status| status.len() > 0)), "{planted:?}");
+}
+
+#[test]
+fn a_daemon_that_meets_half_a_connection_of_a_killed_producer_goes_on_by_itself() {
+    goes_on_after_half_a_connection("bare server", "bare producer");
+}
+
+#[test]
+fn a_daemon_that_meets_half_a_connection_of_a_killed_subscriber_goes_on_by_itself() {
+    goes_on_after_half_a_connection("bare server", "bare subscriber");
+}
+
+#[test]
+fn a_producer_that_meets_half_a_connection_of_a_killed_daemon_goes_on_by_itself() {
+    goes_on_after_half_a_connection("bare producer", "bare server");
+}
+
+#[test]
+fn a_subscriber_that_meets_half_a_connection_of_a_killed_daemon_goes_on_by_itself() {
+    goes_on_after_half_a_connection("bare subscriber", "bare server");
 }

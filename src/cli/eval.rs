@@ -5,13 +5,11 @@ use super::progress;
 use super::shapes::{self, MeshArguments, ViewArgument};
 use crate::evaluation::figures::{self, Example};
 use crate::evaluation::{Evaluation, Protocol, evaluate, evaluate_icp, sample, table};
-use crate::model::load;
 use crate::perception::{Method, PaperPose, Perceiver, PoseSearch, Projection, Query};
 use crate::shapes::library::LoadOptions;
 use clap::{Args, ValueEnum};
 use serde::Deserialize;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Measure a model by the paper's protocol: one view of every object, in known or unknown pose
 #[derive(Args)]
@@ -172,7 +170,8 @@ impl Eval {
         if let Some(folder) = &self.png {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
         }
-        let model = Arc::new(load(&self.model)?);
+        let perceiver = Perceiver::open(&self.model)?;
+        let model = perceiver.model().clone();
         if model.metadata.settings.splits.contains(&self.split) {
             eprintln!("warning: the model was trained on split `{}`: these figures say nothing about new objects", self.split);
         }
@@ -190,7 +189,6 @@ impl Eval {
             })
             .collect::<Result<Vec<_>, _>>()?;
         let chosen = sample(&shapes, self.limit, self.seed);
-        let perceiver = Perceiver::new(model.clone())?;
         let protocol = Protocol { view, seed: self.seed, known_class: self.known_class };
         let mut evaluations: Vec<Evaluation> = Vec::new();
         // Only the queries that are drawn are kept, as the first method answers them.

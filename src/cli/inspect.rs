@@ -62,7 +62,7 @@ fn summary(model: &Model, file_bytes: u64) -> String {
     // Of the symmetric matrices the file holds one half.
     let halves: usize = model.classes.iter().map(|c| 1 + c.hulls.len()).sum::<usize>() * 4 * (a * (a - 1) / 2);
     let halved = parts - halves;
-    let derived = Perceiver::derived_bytes(model);
+    let derived = Perceiver::derived_bytes(&model.metadata, model.rank());
     let densities = &model.view_densities;
     let turned = 2 * (densities.basis.len() + densities.means.len() + densities.whitening.len() + densities.regression.len());
     let shapes: usize = meta.classes.iter().map(|c| c.shapes).sum();

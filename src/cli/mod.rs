@@ -8,14 +8,19 @@ mod demo;
 mod eval;
 mod failure;
 mod inspect;
+mod logging;
 mod observe;
 mod perceive;
 mod progress;
+mod reload;
 mod serve;
 mod shapes;
+mod status;
 mod stop;
 mod train;
 mod watch;
+
+pub use serve::Configuration;
 
 use clap::{Parser, Subcommand};
 
@@ -33,27 +38,24 @@ struct Arguments {
     /// Say more in the log; twice for everything
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
+    /// How log lines on standard error are written
+    #[arg(long, global = true, value_enum, default_value_t = logging::Format::Text, value_name = "FORMAT")]
+    log_format: logging::Format,
 }
 
+// The help of each is that of its arguments.
 #[derive(Subcommand)]
 enum Command {
-    /// Learn a model from a folder of shapes, DIR/<class>/<split>/*
     Train(train::Train),
-    /// Show what a model holds
     Inspect(inspect::Inspect),
-    /// Answer shapes or partial grids without a daemon
     Perceive(perceive::Perceive),
-    /// Answer observations from shared memory until SIGINT or SIGTERM
     Serve(serve::Serve),
-    /// Write observations of shapes into shared memory, as a camera would
+    Status(status::StatusCommand),
+    Reload(reload::Reload),
     Observe(observe::Observe),
-    /// Print what the daemon perceives
     Watch(watch::Watch),
-    /// Start daemon, producer and watcher on made-up furniture, and show what is perceived
     Demo(demo::Demo),
-    /// Measure a model by the paper's protocol
     Eval(eval::Eval),
-    /// Measure how fast it is
     Bench(bench::Bench),
 }
 
@@ -66,7 +68,13 @@ pub fn run() -> ExitCode {
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
-    start_log(arguments.verbose);
+    let log = logging::start(arguments.verbose, arguments.log_format);
+    if matches!(arguments.command, Command::Serve(_))
+        && let Err(failure) = stop::hold_hangup()
+    {
+        log.failure(&failure);
+        return ExitCode::from(failure.code());
+    }
     if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build_global() {
         eprintln!("beo: cannot start {} worker threads: {error}", arguments.threads);
         return ExitCode::FAILURE;
@@ -76,6 +84,8 @@ pub fn run() -> ExitCode {
         Command::Inspect(command) => command.run(),
         Command::Perceive(command) => command.run(),
         Command::Serve(command) => command.run(),
+        Command::Status(command) => command.run(),
+        Command::Reload(command) => command.run(),
         Command::Observe(command) => command.run(),
         Command::Watch(command) => command.run(),
         Command::Demo(command) => command.run(),
@@ -86,24 +96,8 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure::Failure::ReaderGone) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("beo: {failure}");
+            log.failure(&failure);
             ExitCode::from(failure.code())
         }
     }
-}
-
-/// Log lines go to standard error: warnings, with -v what happens, with -vv everything.
-fn start_log(verbose: u8) {
-    use tracing_subscriber::filter::{LevelFilter, Targets};
-    use tracing_subscriber::prelude::*;
-    let level = match verbose {
-        0 => LevelFilter::WARN,
-        1 => LevelFilter::INFO,
-        _ => LevelFilter::DEBUG,
-    };
-    // iceoryx2 warns of what is meant, such as an explicit configuration: only its errors are passed on unless asked for.
-    let iceoryx2 = if verbose > 1 { LevelFilter::DEBUG } else { LevelFilter::ERROR };
-    let targets = Targets::new().with_default(level).with_target("iceoryx2", iceoryx2).with_target("iceoryx2_bb_loggers", iceoryx2);
-    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(false);
-    let _ = tracing_subscriber::registry().with(targets).with(lines).try_init();
 }

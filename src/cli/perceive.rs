@@ -4,13 +4,11 @@ use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::shapes::{MeshArguments, ViewArgument};
 use crate::grid::{Rotation, to_xyzw, yaw_of};
-use crate::model::load;
 use crate::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Answer shapes or partial grids without a daemon
 #[derive(Args)]
@@ -68,9 +66,9 @@ impl Perceive {
         if !self.turn.is_finite() || self.turn != 0.0 && self.view != ViewArgument::Top {
             return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top)", self.turn)));
         }
-        let model = Arc::new(load(&self.model)?);
+        let perceiver = Perceiver::open(&self.model)?;
+        let model = perceiver.model().clone();
         let read = self.mesh.read_options(model.dims())?;
-        let perceiver = Perceiver::new(model.clone())?;
         let names: Vec<&str> = model.class_names().collect();
         let query = Query {
             method: self.method,

@@ -3,16 +3,21 @@
 use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::stop;
-use crate::model::load;
-use crate::perception::{Method, Perceiver, Query};
-use crate::service::{Daemon, ServeOptions};
+use crate::perception::{Method, Query};
+use crate::service::{Daemon, Recipe, ServeOptions};
 use beo_ipc::InstanceName;
 use clap::Args;
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Answer observations from shared memory until SIGINT or SIGTERM
+///
+/// SIGHUP, or `beo reload`, reads the model's file anew: the model before answers until the new one has been checked. Replace the file by
+/// renaming another over it, as `mv` and `beo train --out` do; one that is rewritten in place changes under the daemon. On SIGTERM what
+/// waits is answered for most of a second, and the rest refused. Under systemd the daemon tells how it goes (sd_notify, watchdog).
 #[derive(Args)]
 pub struct Serve {
     /// Model file
@@ -38,10 +43,13 @@ pub struct Serve {
     poll: bool,
 }
 
-/// The configuration file.
-#[derive(Default, Deserialize)]
+/// Largest configuration file that is read; a full one has some hundred bytes.
+const LARGEST_CONFIGURATION: u64 = 64 * 1024;
+
+/// The configuration file of `beo serve`.
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Configuration {
+pub struct Configuration {
     model: Option<PathBuf>,
     instance: Option<String>,
     method: Option<Method>,
@@ -49,17 +57,38 @@ struct Configuration {
     prior: Option<PriorArgument>,
 }
 
+impl Configuration {
+    /// Reads the file's text; an error is one line.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        toml::from_str(text).map_err(|e| {
+            // The message shows the line that is wrong: what a terminal would obey is left out.
+            let text = e.to_string().replace(|c: char| c.is_control(), " ");
+            let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            format!("{line}; known settings: model, instance, method, pose, prior")
+        })
+    }
+
+    fn read(path: &Path) -> Result<Self, Failure> {
+        let cannot_read = |e: std::io::Error| Failure::Failed(format!("cannot read {}: {e}", path.display()));
+        // What is no regular file may have no end, or nobody who writes it.
+        if !std::fs::metadata(path).map_err(cannot_read)?.is_file() {
+            return Err(Failure::Failed(format!("{} is not a regular file", path.display())));
+        }
+        let mut text = String::new();
+        let limit = LARGEST_CONFIGURATION;
+        File::open(path).and_then(|file| file.take(limit + 1).read_to_string(&mut text)).map_err(cannot_read)?;
+        if text.len() as u64 > limit {
+            return Err(Failure::Failed(format!("{} has more than {limit} bytes: is it a configuration file?", path.display())));
+        }
+        Self::parse(&text).map_err(|line| Failure::Failed(format!("{}: {line}", path.display())))
+    }
+}
+
 impl Serve {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         let configuration = match &self.config {
-            Some(path) => {
-                let text = std::fs::read_to_string(path).map_err(|e| Failure::Failed(format!("cannot read {}: {e}", path.display())))?;
-                toml::from_str::<Configuration>(&text).map_err(|e| {
-                    let line = e.to_string().replace('\n', " ");
-                    Failure::Failed(format!("{}: {}; known settings: model, instance, method, pose, prior", path.display(), line.trim()))
-                })?
-            }
+            Some(path) => Configuration::read(path)?,
             None => Configuration::default(),
         };
         let instance = match (self.instance, &configuration.instance) {
@@ -73,29 +102,31 @@ impl Serve {
         let Some(path) = self.model.or(configuration.model) else {
             return Err(Failure::Usage("no model: give --model MODEL, or `model = \"…\"` in the --config file".into()));
         };
-        let stop = stop::on_signal()?;
-        let model = Arc::new(load(&path)?);
-        let perceiver = Perceiver::new(model.clone())?;
+        let signals = stop::of_daemon()?;
+        let prior = self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform);
         let query = Query {
             method: self.method.or(configuration.method).unwrap_or_default(),
-            log_prior: self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform).log_prior(&perceiver),
             completion: true,
             pose: self.pose.or(configuration.pose).unwrap_or(PoseArgument::Known).search(360.0)?,
             projection: ProjectionArgument::Lasso.projection(),
             ..Query::default()
         };
-        let model_name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut daemon = Daemon::open(perceiver, &ServeOptions { instance: instance.clone(), query, model_name, poll: self.poll })?;
+        let recipe = Recipe { query, prior: Arc::new(move |perceiver| prior.log_prior(perceiver)) };
+        // Absolute, so that what `beo status` and `beo reload` say and do does not depend on where the daemon was started.
+        let model = std::path::absolute(&path)?;
+        let mut daemon = Daemon::open(ServeOptions { instance: instance.clone(), model, recipe, poll: self.poll })?;
         // Scripts wait for this line.
+        let model = daemon.model();
         say!("serving `{instance}` with {}: {} classes, {}", path.display(), model.classes.len(), model.dims());
-        tracing::info!(daemon = daemon.id(), model = model.id, "ready");
-        daemon.run(&stop)?;
+        tracing::info!(daemon = daemon.id(), model = daemon.model().id, "ready");
+        daemon.run(&signals)?;
         let status = daemon.status();
         tracing::info!(
             received = status.received,
             answered = status.answered,
             dropped = status.dropped,
             refused = status.refused,
+            overflowed = status.overflowed,
             p50_us = status.latency_p50_ns / 1000,
             p90_us = status.latency_p90_ns / 1000,
             p99_us = status.latency_p99_ns / 1000,

@@ -1,14 +1,43 @@
-//! Ending on SIGINT and SIGTERM with everything cleaned up.
+//! Ending on signals with everything cleaned up; and the one that reloads.
 
 use super::failure::Failure;
+use crate::service::Signals;
+use nix::sys::signal::{SigSet, Signal};
+use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that the first signal sets.
+/// A flag that SIGINT, SIGTERM and SIGHUP (the terminal is gone) set.
 pub fn on_signal() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .map_err(|error| Failure::Failed(format!("cannot listen for signals: {error}")))?;
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(cannot_listen)?;
     Ok(stop)
+}
+
+/// Holds SIGHUP back from this thread and those that it starts: to be called before any is started, if [`of_daemon`] is.
+pub fn hold_hangup() -> Result<(), Failure> {
+    hangup().thread_block().map_err(cannot_listen)
+}
+
+/// What a daemon listens to: SIGINT and SIGTERM end it, SIGHUP reloads its model. `ctrlc` cannot tell them apart, so SIGHUP is held back
+/// from its handler ([`hold_hangup`]) and waited for here; one that came before waits.
+pub fn of_daemon() -> Result<Signals, Failure> {
+    let signals = Signals { stop: on_signal()?, ..Signals::default() };
+    let reload = signals.reload.clone();
+    let wait = move || {
+        while hangup().wait().is_ok() {
+            reload.store(true, Ordering::Relaxed);
+        }
+    };
+    std::thread::Builder::new().name("beo-hangup".into()).spawn(wait).map_err(cannot_listen)?;
+    Ok(signals)
+}
+
+fn hangup() -> SigSet {
+    SigSet::from_iter([Signal::SIGHUP])
+}
+
+fn cannot_listen(error: impl Display) -> Failure {
+    Failure::Failed(format!("cannot listen for signals: {error}"))
 }

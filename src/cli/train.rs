@@ -5,8 +5,9 @@ use super::shapes::{self, MeshArguments, ViewArgument};
 use super::{failure::cannot_write, progress};
 use crate::grid::Dims;
 use crate::learning::{FEWEST_SHAPES, Step, TrainOptions, train};
-use crate::model::{MOST_COMPONENTS, save};
-use crate::shapes::library::LoadOptions;
+use crate::memory::{self, Available};
+use crate::model::{MOST_COMPONENTS, check_place, save};
+use crate::shapes::library::{LoadOptions, Shapes};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -50,6 +51,27 @@ pub struct Train {
     mesh: MeshArguments,
 }
 
+/// Bytes of the smallest basis W' that these shapes can give: every class adds its least number of components, if it has the shapes.
+fn least_basis(shapes: &Shapes, dims: Dims, least: usize) -> u64 {
+    let mut counts = vec![0_usize; shapes.classes.len()];
+    shapes.shapes.iter().for_each(|shape| counts[shape.class] += 1);
+    let rank: usize = counts.iter().map(|count| count.saturating_sub(1).min(least)).sum();
+    (rank * dims.voxels() * size_of::<half::f16>()) as u64
+}
+
+/// Training keeps the basis, its prefix sums, and the class bases as floats (twice the size) at a time.
+fn require_memory(basis: u64) -> Result<(), Failure> {
+    let needed = 4 * basis;
+    match memory::available() {
+        Some(Available { bytes, limit }) if bytes < needed => Err(Failure::Failed(format!(
+            "the training needs at least {} MB of memory, {limit} has {} MB left: use a lower --resolution or fewer components (--least, --most)",
+            needed.div_ceil(1_000_000),
+            bytes / 1_000_000
+        ))),
+        _ => Ok(()),
+    }
+}
+
 impl Train {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
@@ -78,10 +100,15 @@ impl Train {
         if let Some(parent) = parent {
             std::fs::create_dir_all(parent).map_err(cannot_write(parent))?;
         }
+        // Found out now, not after the work.
+        check_place(&self.out, 0)?;
         let splits = if self.split.is_empty() { shapes::existing_splits(&self.dir, &["train", "validation"])? } else { self.split };
         let start = Instant::now();
         let shapes = shapes::load(&self.dir, &splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES })?;
         let loaded = start.elapsed();
+        let least = least_basis(&shapes, dims, self.least);
+        check_place(&self.out, least)?;
+        require_memory(least)?;
         let options = TrainOptions {
             views,
             variance_share: self.variance,

@@ -3,6 +3,7 @@
 use super::{Basis, ClassModel, DIRECTIONS, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, ViewDensities, mapping};
 use crate::grid::Pooling;
 use crate::shapes::library::{LONGEST_CLASS_NAME, MOST_CLASSES};
+use crate::shapes::shown;
 use half::f16;
 use memmap2::Mmap;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -38,6 +39,16 @@ pub enum ModelError {
         path: PathBuf,
         /// What is wrong.
         reason: String,
+    },
+    /// There is no room for the file.
+    #[error("{}: a model of about {needed} bytes does not fit there, {free} are free: free some, or write it elsewhere", path.display())]
+    NoRoom {
+        /// The file.
+        path: PathBuf,
+        /// Bytes it would have.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
     },
     /// The file was written in another format.
     #[error("{}: model format {found}, this program reads format {FORMAT_VERSION}: train the model again with this version", path.display())]
@@ -170,20 +181,56 @@ pub fn verify(path: &Path) -> Result<VerifyReport, ModelError> {
     Ok(VerifyReport { tensors: file.header.checksums.len(), bytes })
 }
 
+/// What the header of a model file says.
+#[derive(Debug, Clone)]
+pub struct Outline {
+    /// What the model is and how it was made.
+    pub metadata: Metadata,
+    /// Number of columns of W', a.
+    pub rank: usize,
+    /// Bytes of the file.
+    pub file_bytes: u64,
+}
+
+impl Outline {
+    /// Bytes of memory that [`load`] takes at a time: the file's pages, and twice the covariances as full matrices.
+    pub fn bytes(&self) -> u64 {
+        let matrices = self.metadata.classes.len() as u64 * (1 + self.metadata.settings.views.len() as u64);
+        matrices.saturating_mul(self.rank as u64 * self.rank as u64).saturating_mul(2 * 4).saturating_add(self.file_bytes)
+    }
+}
+
+/// Reads and checks the header of a model file, and nothing else.
+pub fn outline(path: &Path) -> Result<Outline, ModelError> {
+    let file = Opened::open(path)?;
+    let rank = file.rank(&file.tensors()?)?;
+    Ok(Outline { rank, file_bytes: file.map.len() as u64, metadata: file.header.metadata })
+}
+
+/// Fails unless a model of `bytes` can be written to `path`: a training that cannot keep what it learned should not begin.
+pub fn check_place(path: &Path, bytes: u64) -> Result<(), ModelError> {
+    let io = |source| ModelError::Io { path: path.to_owned(), source };
+    let partial = path.with_extension("partial");
+    let file = File::create(&partial).map_err(io)?;
+    let space = rustix::fs::fstatvfs(&file);
+    std::fs::remove_file(&partial).map_err(io)?;
+    let space = space.map_err(|error| io(error.into()))?;
+    let free = space.f_bavail.saturating_mul(space.f_frsize);
+    if free < bytes {
+        return Err(ModelError::NoRoom { path: path.to_owned(), needed: bytes, free });
+    }
+    Ok(())
+}
+
 /// Maps a model file and checks its header, sizes and the checksums of all tensors below 64 MiB.
 pub fn load(path: &Path) -> Result<Model, ModelError> {
     let file = Opened::open(path)?;
     let tensors = file.tensors()?;
     let metadata = &file.header.metadata;
-    let (d, m) = (metadata.dims.voxels(), metadata.classes.len());
+    let m = metadata.classes.len();
     let total: usize = metadata.classes.iter().map(|c| c.basis_size).sum();
+    let rank = file.rank(&tensors)?;
     let basis = file.tensor(&tensors, "basis")?;
-    let rank = basis.shape().get(1).copied().unwrap_or(0);
-    if m == 0 || rank == 0 {
-        return Err(file.invalid("it has no class or no basis"));
-    }
-    check_metadata(metadata).map_err(|reason| file.invalid(reason))?;
-    file.expect(&basis, "basis", Dtype::F16, &[d, rank])?;
     if basis.data().len() < CHECKED_AT_LOAD {
         file.check("basis", basis.data())?;
     }
@@ -239,6 +286,13 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
     if blends.iter().any(|blend| blend.offsets.len() != m) {
         return Err("its calibration is for another number of classes".into());
     }
+    // What a method does not compute has no weight in its blend.
+    let [auto, hull, evidence, mean] = blends;
+    let foreign =
+        [auto.distance, hull.evidence, hull.distance, evidence.hull, evidence.distance, mean.hull, mean.evidence].iter().any(|w| *w != 0.0);
+    if foreign {
+        return Err("its calibration weighs scores that the method does not compute".into());
+    }
     if m > MOST_CLASSES {
         return Err(format!("it has {m} classes, more than the {MOST_CLASSES} that a percept can name"));
     }
@@ -265,7 +319,11 @@ struct Opened {
 impl Opened {
     fn open(path: &Path) -> Result<Self, ModelError> {
         let io = |source| ModelError::Io { path: path.to_owned(), source };
-        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason };
+        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: shown(&reason) };
+        // What is no regular file may keep whoever opens it waiting.
+        if !path.metadata().map_err(io)?.is_file() {
+            return Err(invalid("it is not a regular file".into()));
+        }
         let map = mapping::map(&File::open(path).map_err(io)?).map_err(io)?;
         let (_, info) = SafeTensors::read_metadata(&map).map_err(|e| invalid(format!("{e}")))?;
         let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
@@ -276,6 +334,10 @@ impl Opened {
             None => return Err(invalid("its description has no format version".into())),
         }
         let header: Header = serde_json::from_value(value).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
+        // A flipped bit can leave every value as it was, in another spelling (`1E-5`), which the checksum of the values does not see.
+        if serde_json::to_string(&header).expect("plain data") != *text {
+            return Err(invalid("its description is not spelled as it was written".into()));
+        }
         let table: Table = info
             .tensors()
             .into_iter()
@@ -287,8 +349,20 @@ impl Opened {
         Ok(Self { path: path.to_owned(), map: Arc::new(map), header })
     }
 
+    /// Number of columns of the basis, after the description and the basis have been checked against each other.
+    fn rank(&self, tensors: &SafeTensors<'_>) -> Result<usize, ModelError> {
+        let basis = self.tensor(tensors, "basis")?;
+        let rank = basis.shape().get(1).copied().unwrap_or(0);
+        if self.header.metadata.classes.is_empty() || rank == 0 {
+            return Err(self.invalid("it has no class or no basis"));
+        }
+        check_metadata(&self.header.metadata).map_err(|reason| self.invalid(reason))?;
+        self.expect(&basis, "basis", Dtype::F16, &[self.header.metadata.dims.voxels(), rank])?;
+        Ok(rank)
+    }
+
     fn invalid(&self, reason: impl Into<String>) -> ModelError {
-        ModelError::Invalid { path: self.path.clone(), reason: reason.into() }
+        ModelError::Invalid { path: self.path.clone(), reason: shown(&reason.into()) }
     }
 
     fn tensors(&self) -> Result<SafeTensors<'_>, ModelError> {

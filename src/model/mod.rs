@@ -10,7 +10,7 @@ mod metadata;
 mod view_density;
 
 pub use basis::Basis;
-pub use file::{ModelError, VerifyReport, load, save, verify};
+pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
 pub use metadata::{Blend, Calibration, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings};
 pub use view_density::{DIRECTIONS, ViewDensities};
 

@@ -12,8 +12,10 @@ use super::whitening::Whitening;
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
 use crate::grid::{Dims, Observation, Rotation, Turn};
 use crate::linear::LinearError;
-use crate::model::Model;
+use crate::memory::{self, Available};
+use crate::model::{Metadata, Model, ModelError, load, outline};
 use rayon::prelude::*;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 /// Voxels up to which a query in known pose stays on its thread: waking another costs as much as it would save.
@@ -53,6 +55,35 @@ pub enum PerceiveError {
     /// A matrix of the model cannot be factorised.
     #[error("the model cannot be used: {0}")]
     Model(#[from] LinearError),
+    /// The model file cannot be used.
+    #[error(transparent)]
+    File(#[from] ModelError),
+    /// There is too little memory for the model.
+    #[error(
+        "{}: the model needs about {} MB of memory, {limit} has {} MB left: end other processes, or train with a lower --resolution or --most",
+        path.display(), needed.div_ceil(MB), available / MB
+    )]
+    Memory {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that loading and preparing it take.
+        needed: u64,
+        /// Bytes that may be taken.
+        available: u64,
+        /// Who allows no more.
+        limit: &'static str,
+    },
+}
+
+const MB: u64 = 1_000_000;
+
+fn require(path: &Path, needed: u64, available: Option<Available>) -> Result<(), PerceiveError> {
+    match available {
+        Some(Available { bytes, limit }) if bytes < needed => {
+            Err(PerceiveError::Memory { path: path.to_owned(), needed, available: bytes, limit })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Scratch memory of one thread.
@@ -109,10 +140,22 @@ impl Perceiver {
 
     /// Bytes that [`Self::new`] derives from a model: prefix sums of W', class bases over voxels with their Gram matrices, factors
     /// of the hull densities.
-    pub fn derived_bytes(model: &Model) -> usize {
-        let a = model.rank();
-        let classes: usize = model.classes.iter().map(|c| ClassSubspace::bytes(model.dims(), c.variances.len())).sum();
-        classes + ColumnSums::bytes(model.dims(), a) + model.views().len() * (model.classes.len() + 1) * Whitening::bytes(a)
+    pub fn derived_bytes(metadata: &Metadata, rank: usize) -> usize {
+        let (dims, views, m) = (metadata.dims, metadata.settings.views.len(), metadata.classes.len());
+        let classes: usize = metadata.classes.iter().map(|c| ClassSubspace::bytes(dims, c.basis_size)).sum();
+        classes + ColumnSums::bytes(dims, rank) + views * (m + 1) * Whitening::bytes(rank)
+    }
+
+    /// Loads a model file and prepares it for queries, after asking whether there is memory for both: without it, the system would
+    /// end some process, perhaps this one, in the middle.
+    ///
+    /// # Errors
+    /// [`PerceiveError::File`], [`PerceiveError::Memory`], and as [`Self::new`].
+    pub fn open(path: &Path) -> Result<Self, PerceiveError> {
+        let outline = outline(path)?;
+        let needed = outline.bytes().saturating_add(Self::derived_bytes(&outline.metadata, outline.rank) as u64);
+        require(path, needed, memory::available())?;
+        Self::new(Arc::new(load(path)?))
     }
 
     /// The model.

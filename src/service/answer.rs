@@ -1,17 +1,23 @@
 //! One observation in, percept and completion out.
 
+use super::asked::ask;
 use super::streams::Waiting;
 use super::tracks::Tracks;
-use crate::grid::{Outside, Rotation, View, from_xyzw, to_xyzw};
+use crate::grid::{Observation, Rotation, to_xyzw};
+use crate::model::Model;
 use crate::perception::lanes::to_bytes;
-use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, RotationPrior, Workspace};
+use crate::perception::{self, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
-use beo_ipc::{CompletionFrame, Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use beo_ipc::validate::check_deadline;
+use beo_ipc::{Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Answers observations with one model.
 pub struct Answerer {
+    /// The model's name, for people.
+    name: String,
     perceiver: Perceiver,
     work: Workspace,
     percept: perception::Percept,
@@ -22,9 +28,10 @@ pub struct Answerer {
 }
 
 impl Answerer {
-    /// An answerer that uses `query` for what observations do not say themselves.
-    pub fn new(perceiver: Perceiver, query: Query) -> Self {
+    /// An answerer that uses `query` for what observations do not say themselves; `name` is the model's.
+    pub fn new(perceiver: Perceiver, query: Query, name: String) -> Self {
         Self {
+            name,
             work: perceiver.workspace(),
             percept: perception::Percept::default(),
             perceiver,
@@ -34,10 +41,34 @@ impl Answerer {
         }
     }
 
+    /// The model that answers.
+    pub fn model(&self) -> &Arc<Model> {
+        self.perceiver.model()
+    }
+
+    /// The model's name, for people.
+    pub fn model_name(&self) -> &str {
+        &self.name
+    }
+
+    /// Answers an observation that says nothing: a model for which this fails would fail for others, and the next is faster.
+    ///
+    /// # Errors
+    /// Why it fails.
+    pub fn rehearse(&mut self) -> Result<(), PerceiveError> {
+        let nothing = Observation::unknown(self.model().dims());
+        self.perceiver.classify(&nothing, &self.query, &mut self.work, &mut self.percept)?;
+        self.perceiver.complete(&self.query, &mut self.work, &mut self.percept)
+    }
+
     /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be
-    /// published after it.
+    /// published after it. One whose deadline has passed is refused.
     pub fn answer(&mut self, server: &Server, waiting: &Waiting) -> Percept {
         let header = &waiting.header;
+        if let Err(refusal) = check_deadline(header, monotonic_ns()) {
+            let model_id = self.perceiver.model().id;
+            return Percept { received_ns: waiting.received_ns, model_id, ..Percept::refusing(header, &refusal) };
+        }
         let mut percept = Percept { received_ns: waiting.received_ns, model_id: self.perceiver.model().id, ..Percept::answering(header) };
         let started_ns = monotonic_ns();
         if let Err(error) = self.classify(waiting) {
@@ -79,31 +110,13 @@ impl Answerer {
     fn classify(&mut self, waiting: &Waiting) -> Result<(), PerceiveError> {
         let header = &waiting.header;
         let query = &mut self.query;
-        query.view = match beo_ipc::View::from_code(header.view) {
-            Some(beo_ipc::View::TopDown) => Some(View::Top),
-            _ => None,
-        };
-        query.pose = match PoseSearch::from_code(header.pose_search) {
-            Some(PoseSearch::Yaw) => perception::PoseSearch::YAW,
-            Some(PoseSearch::Full) => perception::PoseSearch::Full,
-            _ => self.pose,
-        };
-        query.outside = match beo_ipc::Outside::from_code(header.outside) {
-            Some(beo_ipc::Outside::Unknown) => Outside::Unknown,
-            _ => Outside::Empty,
-        };
-        query.frame = match CompletionFrame::from_code(header.completion_frame) {
-            Some(CompletionFrame::Object) => Frame::Object,
-            _ => Frame::Grid,
-        };
-        query.rotation_prior = if header.rotation_prior_concentration > 0.0 {
-            let expected = from_xyzw(header.rotation_prior.map(f64::from));
-            RotationPrior::around(expected, f64::from(header.rotation_prior_concentration))
-        } else if header.continues != 0 {
-            self.tracks.expectation(header.producer_id, header.continued_object_id).cloned().unwrap_or_default()
-        } else {
-            RotationPrior::uniform()
-        };
+        ask(query, header, self.pose);
+        if header.rotation_prior_concentration == 0.0
+            && header.continues != 0
+            && let Some(expected) = self.tracks.expectation(header.producer_id, header.continued_object_id)
+        {
+            query.rotation_prior = expected.clone();
+        }
         self.perceiver.classify(&waiting.observation, query, &mut self.work, &mut self.percept)?;
         // What says nothing of the object does not change what is expected of it.
         if query.pose != perception::PoseSearch::Known && self.percept.informed {

@@ -1,16 +1,22 @@
 //! The loop: wait, receive, answer, heartbeat.
 
 use super::answer::{Answerer, unsupported};
+use super::error::ServeError;
 use super::latency::Latencies;
-use super::streams::Streams;
+use super::notify::Supervisor;
+use super::recipe::Recipe;
+use super::reload::{Reload, Reloaded};
+use super::sequences::Sequences;
+use super::streams::{Streams, Waiting};
 use crate::grid::ObservationError;
-use crate::perception::{Method, PerceiveError, Perceiver, Query};
+use crate::model::Model;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
-use beo_ipc::{InstanceName, OpenError, Percept, ReceiveError, Refusal, Server, ServerOptions, Status, WaitError};
+use beo_ipc::{DaemonState, InstanceName, ObservationHeader, Percept, PerceptStatus, Refusal, Server, ServerOptions, Status};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Time between two heartbeats.
 const HEARTBEAT: Duration = Duration::from_millis(250);
@@ -18,76 +24,75 @@ const HEARTBEAT: Duration = Duration::from_millis(250);
 const LONGEST_WAIT: Duration = Duration::from_millis(50);
 /// Time between two rounds of housekeeping.
 const HOUSEKEEPING_NS: u64 = 1_000_000_000;
-
-/// The daemon cannot start or go on.
-#[derive(Debug, thiserror::Error)]
-pub enum ServeError {
-    /// The channels cannot be set up.
-    #[error(transparent)]
-    Open(#[from] OpenError),
-    /// The model cannot be used.
-    #[error(transparent)]
-    Model(#[from] PerceiveError),
-    /// The wake-up channel is broken.
-    #[error(transparent)]
-    Wait(#[from] WaitError),
-    /// The observation channel is broken.
-    #[error(transparent)]
-    Receive(#[from] ReceiveError),
-}
+/// Observations that are taken before one is answered: all that can wait at a time, 16 of each of 16 producers. Without a bound, producers
+/// that send faster than they are read would keep the daemon reading.
+const MOST_AT_ONCE: usize = 256;
+/// What waits when the daemon is to stop is answered for so long; less than the second that is promised, as an answer takes time too.
+const DRAIN: Duration = Duration::from_millis(800);
 
 /// What a daemon serves.
 pub struct ServeOptions {
     /// Its instance.
     pub instance: InstanceName,
+    /// The model file.
+    pub model: PathBuf,
     /// How it answers.
-    pub query: Query,
-    /// The model's name, for people.
-    pub model_name: String,
+    pub recipe: Recipe,
     /// Whether it looks for observations again and again instead of sleeping until one comes.
     pub poll: bool,
+}
+
+/// What a daemon is told from outside, by signals.
+#[derive(Clone, Debug, Default)]
+pub struct Signals {
+    /// To end.
+    pub stop: Arc<AtomicBool>,
+    /// To read the model's file anew; taken back when it is done.
+    pub reload: Arc<AtomicBool>,
 }
 
 /// A running daemon.
 pub struct Daemon {
     server: Server,
+    options: ServeOptions,
     answerer: Answerer,
     streams: Streams,
+    sequences: Sequences,
     latencies: Latencies,
     status: Status,
-    dims: [u32; 3],
-    method: Method,
-    poll: bool,
+    supervisor: Supervisor,
+    reload: Option<Reload>,
+    heartbeat_ns: u64,
+    housekeeping_ns: u64,
 }
 
 impl Daemon {
-    /// Sets up the channels of an instance. Observations that arrive from now on are answered once [`Self::run`] runs.
-    pub fn open(perceiver: Perceiver, options: &ServeOptions) -> Result<Self, ServeError> {
-        let model = Arc::clone(perceiver.model());
-        let dims = <[usize; 3]>::from(model.dims()).map(|side| side as u32);
-        let server = Server::open(&options.instance, &ServerOptions::new(dims))?;
-        let mut status = Status {
-            model_id: model.id,
-            started_ns: monotonic_ns(),
-            heartbeat_interval_ns: HEARTBEAT.as_nanos() as u64,
-            dims,
-            class_count: model.classes.len() as u32,
-            model_name: to_field(&options.model_name),
-            ..Status::EMPTY
-        };
-        for (field, name) in status.class_names.iter_mut().zip(model.class_names()) {
-            *field = to_field(name);
-        }
+    /// Loads the model and sets up the channels of the instance. Observations that arrive from now on are answered once [`Self::run`]
+    /// runs.
+    ///
+    /// # Errors
+    /// [`ServeError`].
+    pub fn open(options: ServeOptions) -> Result<Self, ServeError> {
+        let answerer = options.recipe.prepare(&options.model)?;
+        let dims = answerer.model().dims();
+        let sides = <[usize; 3]>::from(dims).map(|side| side as u32);
+        let server = Server::open(&options.instance, &ServerOptions::new(sides))?;
+        let status =
+            Status { started_ns: monotonic_ns(), heartbeat_interval_ns: HEARTBEAT.as_nanos() as u64, dims: sides, ..Status::EMPTY };
         let mut daemon = Self {
             server,
-            streams: Streams::new(model.dims()),
-            answerer: Answerer::new(perceiver, options.query.clone()),
+            options,
+            streams: Streams::new(dims),
+            sequences: Sequences::new(),
+            answerer,
             latencies: Latencies::new(),
             status,
-            dims,
-            method: options.query.method,
-            poll: options.poll,
+            supervisor: Supervisor::from_environment(),
+            reload: None,
+            heartbeat_ns: 0,
+            housekeeping_ns: 0,
         };
+        daemon.name_the_model();
         daemon.publish_status();
         Ok(daemon)
     }
@@ -102,64 +107,117 @@ impl Daemon {
         &self.status
     }
 
-    /// Serves until `stop` is set. What already waits is then answered before returning.
-    pub fn run(&mut self, stop: &AtomicBool) -> Result<(), ServeError> {
-        let (mut heartbeat, mut housekeeping) = (0, 0);
-        loop {
-            self.receive()?;
+    /// The model that it serves.
+    pub fn model(&self) -> &Model {
+        self.answerer.model()
+    }
+
+    /// Serves until told to stop. What waits then is answered as long as there is time, and otherwise refused.
+    ///
+    /// # Errors
+    /// [`ServeError::Wait`].
+    pub fn run(&mut self, signals: &Signals) -> Result<(), ServeError> {
+        let stop = || signals.stop.load(Ordering::Relaxed);
+        self.supervisor.ready(&self.describe());
+        while !stop() {
+            self.receive();
             while let Some(waiting) = self.streams.pop() {
-                let percept = self.answerer.answer(&self.server, &waiting);
-                if percept.status == 0 {
-                    self.status.answered += 1
-                } else {
-                    self.status.refused += 1
+                self.answer(waiting);
+                if stop() {
+                    break;
                 }
-                self.publish(&percept);
-                self.latencies.record(monotonic_ns().saturating_sub(waiting.received_ns));
-                self.streams.recycle(waiting.observation);
-                self.receive()?;
-                self.keep_up(&mut heartbeat, &mut housekeeping)?;
+                self.receive();
+                self.keep_up(signals)?;
             }
-            if stop.load(Ordering::Relaxed) {
-                self.publish_status();
-                return Ok(());
-            }
-            self.keep_up(&mut heartbeat, &mut housekeeping)?;
-            if self.poll {
+            self.keep_up(signals)?;
+            if self.options.poll {
                 // Gives way to whoever shares the core, and returns within a microsecond if nobody does.
                 std::thread::yield_now();
-            } else {
+            } else if !stop() {
                 self.server.wait(LONGEST_WAIT)?;
             }
         }
+        self.drain();
+        Ok(())
     }
 
-    /// Copies everything that has arrived into the queue; what cannot be answered is refused at once.
-    fn receive(&mut self) -> Result<(), ServeError> {
-        loop {
+    /// Answers what has arrived as long as there is time; the rest is told that there is none.
+    fn drain(&mut self) {
+        let start = Instant::now();
+        self.set_state(DaemonState::Stopping);
+        self.supervisor.stopping();
+        self.publish_status();
+        self.receive();
+        if let Some(reload) = self.reload.take() {
+            reload.abandon(self.status.model_id);
+        }
+        while let Some(waiting) = self.streams.pop() {
+            if start.elapsed() < DRAIN {
+                self.answer(waiting);
+                continue;
+            }
+            self.status.refused += 1;
+            self.publish(&Percept {
+                received_ns: waiting.received_ns,
+                model_id: self.status.model_id,
+                status: PerceptStatus::Stopping.code(),
+                explanation: to_field("the daemon stops and had no time left for this observation: send it to the next one"),
+                ..Percept::answering(&waiting.header)
+            });
+        }
+        self.publish_status();
+    }
+
+    fn answer(&mut self, waiting: Waiting) {
+        let percept = self.answerer.answer(&self.server, &waiting);
+        let failed = percept.status == PerceptStatus::Internal.code();
+        if percept.status == PerceptStatus::Ok.code() {
+            self.status.answered += 1;
+        } else {
+            self.status.refused += 1;
+        }
+        if failed {
+            self.status.failed += 1;
+            tracing::error!(sequence = percept.sequence, reason = beo_ipc::text::from_field(&percept.explanation), "no answer");
+        }
+        self.set_state(match (failed, &self.reload) {
+            (true, _) => DaemonState::Failing,
+            (false, Some(_)) => DaemonState::Reloading,
+            (false, None) => DaemonState::Serving,
+        });
+        self.publish(&percept);
+        let now = monotonic_ns();
+        self.latencies.record(now, now.saturating_sub(waiting.received_ns));
+        self.streams.recycle(waiting.observation);
+    }
+
+    /// Copies what has arrived into the queue; what cannot be answered is refused at once.
+    fn receive(&mut self) {
+        for _ in 0..MOST_AT_ONCE {
             let observation = match self.server.receive() {
                 Ok(Some(observation)) => observation,
-                Ok(None) => return Ok(()),
+                Ok(None) => return,
                 // Of a producer that vanished meanwhile; the next one is received all the same.
                 Err(error) => {
                     tracing::warn!(%error, "an observation could not be received");
-                    return Ok(());
+                    return;
                 }
             };
             let received_ns = monotonic_ns();
-            self.status.received += 1;
             let header = observation.header();
-            let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.dims, self.method) {
-                Some(refusal) => Err(refusal),
-                None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
-            });
+            self.status.received += 1;
+            self.status.overflowed += self.sequences.missing_before(header.producer_id, header.sequence, received_ns);
+            let outcome =
+                observation.voxels().and_then(|voxels| match unsupported(header, self.status.dims, self.options.recipe.query.method) {
+                    Some(refusal) => Err(refusal),
+                    None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
+                });
             match outcome {
                 Ok(displaced) => self.status.dropped += displaced as u64,
                 Err(refusal) => {
-                    tracing::debug!(producer = header.producer_id, sequence = header.sequence, %refusal, "refused");
+                    tracing::warn!(producer = header.producer_id, sequence = header.sequence, %refusal, "an observation was refused");
                     self.status.refused += 1;
-                    let percept = Percept { received_ns, model_id: self.status.model_id, ..Percept::refusing(header, &refusal) };
-                    self.publish(&percept);
+                    self.publish(&Percept { received_ns, model_id: self.status.model_id, ..Percept::refusing(header, &refusal) });
                 }
             }
         }
@@ -171,34 +229,129 @@ impl Daemon {
         }
     }
 
-    /// Heartbeat and housekeeping when their time has come.
-    fn keep_up(&mut self, heartbeat: &mut u64, housekeeping: &mut u64) -> Result<(), ServeError> {
+    /// Heartbeat, control calls and housekeeping when their time has come.
+    fn keep_up(&mut self, signals: &Signals) -> Result<(), ServeError> {
+        let status = &self.status;
+        self.supervisor.alive(|| describe(&self.answerer, status));
         let now = monotonic_ns();
-        if now.saturating_sub(*heartbeat) >= HEARTBEAT.as_nanos() as u64 {
-            *heartbeat = now;
+        if now.saturating_sub(self.heartbeat_ns) >= HEARTBEAT.as_nanos() as u64 {
+            self.heartbeat_ns = now;
+            self.look_after_the_model(signals);
             self.publish_status();
-            if self.poll {
+            if self.options.poll {
                 // Wake-ups that nobody waits for would fill their queue.
                 self.server.wait(Duration::ZERO)?;
             }
         }
-        if now.saturating_sub(*housekeeping) >= HOUSEKEEPING_NS {
-            *housekeeping = now;
+        if now.saturating_sub(self.housekeeping_ns) >= HOUSEKEEPING_NS {
+            self.housekeeping_ns = now;
             self.server.maintain();
         }
         Ok(())
     }
 
+    /// Begins to load another model when asked to, and takes the one that has been loaded. One at a time: other calls wait.
+    fn look_after_the_model(&mut self, signals: &Signals) {
+        if let Some(reload) = self.reload.take_if(|reload| reload.is_finished()) {
+            self.take(reload.finish());
+        }
+        if self.reload.is_some() {
+            return;
+        }
+        let served = self.options.model.clone();
+        let (path, call) = if signals.reload.swap(false, Ordering::Relaxed) {
+            (served, None)
+        } else {
+            let call = match self.server.receive_reload() {
+                Ok(Some(call)) => call,
+                Ok(None) => return,
+                Err(error) => return tracing::warn!(%error, "a control call could not be received"),
+            };
+            match call.model() {
+                Ok(path) => (path.unwrap_or(served), Some(call)),
+                Err(reason) => return call.answer(self.status.model_id, Some(&reason)),
+            }
+        };
+        tracing::info!(model = %path.display(), "reloading");
+        self.supervisor.reloading();
+        if self.status.state == DaemonState::Serving.code() {
+            self.set_state(DaemonState::Reloading);
+        }
+        self.reload = Some(Reload::start(&self.options.recipe, path, self.model().dims(), call));
+    }
+
+    fn take(&mut self, reloaded: Reloaded) {
+        let refusal = match reloaded.outcome {
+            Ok(answerer) => {
+                let before = std::mem::replace(&mut self.answerer, answerer);
+                // Giving back what it held takes milliseconds: not between two observations. If no thread can be had, it happens here.
+                let _ = std::thread::Builder::new().name("beo-release".into()).spawn(move || drop(before));
+                self.options.model = reloaded.path;
+                self.status.reloads += 1;
+                self.name_the_model();
+                tracing::info!(model = %self.options.model.display(), id = self.status.model_id, "reloaded");
+                None
+            }
+            Err(reason) => {
+                self.status.reloads_refused += 1;
+                let served = self.answerer.model_name();
+                tracing::warn!(%reason, "another model was refused; `{served}` goes on");
+                Some(reason)
+            }
+        };
+        if self.status.state == DaemonState::Reloading.code() {
+            self.set_state(DaemonState::Serving);
+        }
+        self.supervisor.ready(&self.describe());
+        if let Some(call) = reloaded.call {
+            call.answer(self.status.model_id, refusal.as_deref());
+        }
+    }
+
+    /// Writes the model that answers into the status.
+    fn name_the_model(&mut self) {
+        let model = self.answerer.model();
+        self.status.model_id = model.id;
+        self.status.model_name = to_field(self.answerer.model_name());
+        self.status.class_count = model.classes.len() as u32;
+        self.status.class_names = Status::EMPTY.class_names;
+        for (field, name) in self.status.class_names.iter_mut().zip(model.class_names()) {
+            *field = to_field(name);
+        }
+    }
+
+    fn set_state(&mut self, state: DaemonState) {
+        if self.status.state != DaemonState::Stopping.code() {
+            self.status.state = state.code();
+        }
+    }
+
     fn publish_status(&mut self) {
-        let [p50, p90, p99] = self.latencies.percentiles();
-        (self.status.latency_p50_ns, self.status.latency_p90_ns, self.status.latency_p99_ns) = (p50, p90, p99);
-        if let Err(error) = self.server.publish_status(&self.status) {
+        let latency = self.latencies.summary(monotonic_ns());
+        let status = &mut self.status;
+        (status.latency_count, status.latency_max_ns) = (latency.count, latency.max);
+        (status.latency_p50_ns, status.latency_p90_ns) = (latency.p50, latency.p90);
+        (status.latency_p99_ns, status.latency_p999_ns) = (latency.p99, latency.p999);
+        if let Err(error) = self.server.publish_status(status) {
             tracing::warn!(%error, "the status could not be sent");
         }
     }
+
+    fn describe(&self) -> String {
+        describe(&self.answerer, &self.status)
+    }
 }
 
-fn refusal(error: &ObservationError, header: &beo_ipc::ObservationHeader) -> Refusal {
+/// One line for the service manager.
+fn describe(answerer: &Answerer, status: &Status) -> String {
+    let Status { received, answered, refused, dropped, overflowed, .. } = status;
+    let name = answerer.model_name().replace(char::is_control, " ");
+    format!(
+        "serving {name}; observations: {received} taken, {answered} answered, {refused} refused, {dropped} dropped, {overflowed} lost before"
+    )
+}
+
+fn refusal(error: &ObservationError, header: &ObservationHeader) -> Refusal {
     match error {
         ObservationError::Code { voxel: [i, j, k], code } => {
             let [_, ny, nz] = header.dims.map(|side| side as usize);

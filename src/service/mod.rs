@@ -2,16 +2,30 @@
 //!
 //! | file | what |
 //! | --- | --- |
-//! | `streams` | observations that wait, the newest of each stream |
+//! | `streams` | observations that wait, the newest of each stream, by turns |
 //! | `tracks` | what was last answered of each object |
+//! | `asked` | what a header asks for |
 //! | `answer` | one observation in, percept and completion out |
-//! | `latency` | percentiles of recent latencies |
+//! | `recipe` | from a model file to what answers |
+//! | `reload` | another model, loaded while the one before serves |
+//! | `sequences` | observations that were lost before they were taken |
+//! | `latency` | percentiles of the last minute's latencies |
+//! | `notify` | how it goes, for the service manager |
 //! | `daemon` | the loop: receive, answer, heartbeat |
 
 mod answer;
+mod asked;
 mod daemon;
+mod error;
 mod latency;
+mod notify;
+mod recipe;
+mod reload;
+mod sequences;
 mod streams;
 mod tracks;
 
-pub use daemon::{Daemon, ServeError, ServeOptions};
+pub use asked::ask;
+pub use daemon::{Daemon, ServeOptions, Signals};
+pub use error::ServeError;
+pub use recipe::{Prior, Recipe};

@@ -1,11 +1,11 @@
-//! Observations that wait for an answer: the newest of each (producer, object) stream, streams served in the order in which
-//! they began to wait, so that a flood in one cannot starve another.
+//! Observations that wait for an answer: the newest of each (producer, object) stream. Producers take turns, each with the stream that
+//! began to wait first, so that a flood of one, in however many streams, cannot starve another.
 
 use crate::grid::{Dims, Observation, ObservationError};
 use beo_ipc::ObservationHeader;
 use std::collections::VecDeque;
 
-/// Streams that can wait at a time; beyond, the one that has waited longest is given up.
+/// Streams that can wait at a time; beyond, the producer with most of them loses the one that has waited longest.
 const MOST_STREAMS: usize = 256;
 
 /// An observation copied out of shared memory.
@@ -21,14 +21,29 @@ pub struct Waiting {
 /// The queue, and a pool of grids so that a warm queue does not allocate.
 pub struct Streams {
     dims: Dims,
+    /// In the order in which their streams began to wait.
     waiting: VecDeque<Waiting>,
+    /// In the order of their turns.
+    producers: VecDeque<Share>,
     pool: Vec<Observation>,
+}
+
+/// A producer of which something waits.
+struct Share {
+    producer: u64,
+    /// Its waiting streams.
+    streams: usize,
 }
 
 impl Streams {
     /// An empty queue for grids of one size.
     pub fn new(dims: Dims) -> Self {
-        Self { dims, waiting: VecDeque::with_capacity(MOST_STREAMS), pool: vec![Observation::unknown(dims)] }
+        Self {
+            dims,
+            waiting: VecDeque::with_capacity(MOST_STREAMS),
+            producers: VecDeque::with_capacity(MOST_STREAMS),
+            pool: vec![Observation::unknown(dims)],
+        }
     }
 
     /// Copies an observation in, checking every voxel as it is copied. Returns how many waiting observations it displaced.
@@ -45,20 +60,41 @@ impl Streams {
             self.pool.push(older.observation);
             return Ok(1);
         }
-        let mut displaced = 0;
-        if self.waiting.len() == MOST_STREAMS
-            && let Some(oldest) = self.waiting.pop_front()
-        {
-            self.pool.push(oldest.observation);
-            displaced = 1;
+        let displaced = if self.waiting.len() == MOST_STREAMS { self.give_one_up() } else { 0 };
+        match self.producers.iter_mut().find(|share| share.producer == header.producer_id) {
+            Some(share) => share.streams += 1,
+            None => self.producers.push_back(Share { producer: header.producer_id, streams: 1 }),
         }
         self.waiting.push_back(fresh);
         Ok(displaced)
     }
 
+    /// Takes from the producer that has most. Returns how many were given up.
+    fn give_one_up(&mut self) -> usize {
+        let Some(most) = (0..self.producers.len()).max_by_key(|place| self.producers[*place].streams) else { return 0 };
+        let producer = self.producers[most].producer;
+        self.producers[most].streams -= 1;
+        if self.producers[most].streams == 0 {
+            self.producers.remove(most);
+        }
+        self.oldest_of(producer).map_or(0, |oldest| {
+            self.pool.push(oldest.observation);
+            1
+        })
+    }
+
+    fn oldest_of(&mut self, producer: u64) -> Option<Waiting> {
+        let place = self.waiting.iter().position(|waiting| waiting.header.producer_id == producer)?;
+        self.waiting.remove(place)
+    }
+
     /// The next observation to answer. Give its grid back with [`Self::recycle`].
     pub fn pop(&mut self) -> Option<Waiting> {
-        self.waiting.pop_front()
+        let Share { producer, streams } = self.producers.pop_front()?;
+        if streams > 1 {
+            self.producers.push_back(Share { producer, streams: streams - 1 });
+        }
+        self.oldest_of(producer)
     }
 
     /// Takes a grid back for reuse.
@@ -87,6 +123,19 @@ mod tests {
             streams.recycle(waiting.observation);
         }
         assert_eq!(order, [(1, 1, 4), (2, 1, 1), (1, 2, 3)]);
+    }
+
+    #[test]
+    fn a_flood_of_streams_neither_displaces_another_producer_nor_goes_before_it() {
+        let mut streams = Streams::new(Dims::cube(8).unwrap());
+        let mut push = |producer, object| streams.push(&header(producer, object, 1), &[0; 512], 0).unwrap();
+        let flood = 3 * MOST_STREAMS as u64;
+        let displaced: usize = (0..flood).map(|object| push(1, object)).sum::<usize>() + push(2, 7) + push(3, 7);
+        let displaced = displaced + (0..flood).map(|object| push(1, flood + object)).sum::<usize>();
+        assert_eq!(displaced, 2 * flood as usize + 2 - MOST_STREAMS);
+        let order: Vec<u64> = std::iter::from_fn(|| streams.pop()).map(|waiting| waiting.header.producer_id).collect();
+        assert_eq!((order.len(), &order[..5]), (MOST_STREAMS, &[1, 2, 3, 1, 1][..]));
+        assert!(streams.producers.is_empty());
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! files store z up that way.
 
 use super::FormatError;
+use super::error::shown;
 use crate::grid::{Dims, Occupancy};
 use std::io::Write;
 
@@ -88,7 +89,7 @@ fn header(bytes: &[u8]) -> Result<(Dims, usize), FormatError> {
             None => {}
             Some(comment) if comment.starts_with('#') => {}
             Some(other) => {
-                let other: String = other.chars().take(20).collect();
+                let other: String = shown(other).chars().take(20).collect();
                 return Err(line_error(line, format!("unknown keyword `{other}`: expected dim, translate, scale or data")));
             }
         }

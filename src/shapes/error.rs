@@ -45,6 +45,11 @@ pub enum FormatError {
     Observation(#[from] ObservationError),
 }
 
+/// Text of a file as a message can repeat it: one line, without what a terminal would obey.
+pub(crate) fn shown(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
 /// A file could not be read as a shape. One line, with the file's name.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {

@@ -18,6 +18,7 @@ mod stl;
 mod voxelise;
 
 pub use binvox::{parse_binvox, write_binvox};
+pub(crate) use error::shown;
 pub use error::{FormatError, ReadError};
 pub use mesh::{Mesh, MeshError, Up};
 pub use npy::{parse_npy, parse_npy_observation, write_npy_observation};

@@ -3,12 +3,13 @@
 //! The header is checked before `npyz` sees it: it allocates whatever size a header claims and parses it recursively.
 
 use super::FormatError;
+use super::error::shown;
 use crate::grid::{Dims, Observation, Occupancy};
 use npyz::{NpyFile, NpyHeader, Order, TypeChar, WriterBuilder};
 use std::io::Write;
 
 fn error(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: "npy", problem: problem.into() }
+    FormatError::File { format: "npy", problem: shown(&problem.into()) }
 }
 
 /// Reads a three-dimensional bool or u8 array as a complete shape; u8 values are 0 (empty) and 1 (filled).
@@ -155,6 +156,17 @@ mod tests {
         unknown[113] = 7;
         let wrong = parse_npy_observation(&file("|u1", "False", "(8, 9, 10)", &unknown)).unwrap_err().to_string();
         assert_eq!(wrong, "voxel (1, 2, 3) holds 7: write 0 for empty, 1 for filled, 255 for unknown");
+    }
+
+    #[test]
+    fn a_header_with_control_characters_is_refused_in_one_line_that_shows_none() {
+        // Found by fuzzing: line breaks in the header came back in the message.
+        for shape in ["(8, 9,\n 10,\x1b[2J 11)", "(8,\r\n9)"] {
+            let message = parse_npy(&file("|u1", "False", shape, &[0; 720])).unwrap_err().to_string();
+            assert!(!message.contains(char::is_control), "{message:?}");
+        }
+        let message = parse_npy(&file("|u\n1", "False", "(8, 9, 10)", &[0; 720])).unwrap_err().to_string();
+        assert!(!message.contains(char::is_control), "{message:?}");
     }
 
     proptest! {

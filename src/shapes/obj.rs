@@ -1,10 +1,11 @@
 //! Wavefront OBJ, by `tobj`. Only vertices and faces are read: no materials, normals or texture coordinates.
 
+use super::error::shown;
 use super::{FormatError, Mesh};
 use nalgebra::Point3;
 
 fn error(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: "OBJ", problem: problem.into() }
+    FormatError::File { format: "OBJ", problem: shown(&problem.into()) }
 }
 
 /// Reads an OBJ file's bytes; all objects and groups make one mesh.

@@ -1,6 +1,7 @@
 //! PLY (Stanford), text and binary of both byte orders, by `ply-rs-bw`: the elements `vertex` (x, y, z) and `face`
 //! (`vertex_indices` or `vertex_index`); all else is read over.
 
+use super::error::shown;
 use super::mesh::Fans;
 use super::{FormatError, Mesh};
 use nalgebra::Point3;
@@ -8,13 +9,13 @@ use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{Encoding, Property, PropertyAccess, PropertyAccessResult};
 
 fn error(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: "PLY", problem: problem.into() }
+    FormatError::File { format: "PLY", problem: shown(&problem.into()) }
 }
 
 fn located(e: &ParseError) -> FormatError {
     let text = e.to_string();
     // The crate's messages run over several lines and repeat the input.
-    let problem: String = text.lines().next().unwrap_or_default().chars().take(160).collect();
+    let problem: String = shown(text.lines().next().unwrap_or_default()).chars().take(160).collect();
     match e.line() {
         Some(line) => {
             let problem = problem.strip_prefix(&format!("Line {line}: ")).unwrap_or(&problem).to_owned();

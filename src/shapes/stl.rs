@@ -3,6 +3,7 @@
 //! What is binary is told by the size: many exporters start binary files with `solid` too. Text is brought into the one form
 //! that `stl_io` takes: keywords in lower case, one solid, normals (which are not used, and often NaN) zero.
 
+use super::error::shown;
 use super::{FormatError, Mesh};
 use nalgebra::Point3;
 use std::io::Cursor;
@@ -11,7 +12,7 @@ const HEADER: usize = 84;
 const TRIANGLE: usize = 50;
 
 fn error(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: "STL", problem: problem.into() }
+    FormatError::File { format: "STL", problem: shown(&problem.into()) }
 }
 
 /// Reads an STL file's bytes; all solids make one mesh.

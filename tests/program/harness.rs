@@ -27,7 +27,12 @@ pub fn beo<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) ->
 
 /// Runs the program to its end.
 pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
-    let mut running = Running::start(beo(arguments));
+    finish(beo(arguments))
+}
+
+/// Runs a command to its end.
+fn finish(command: Command) -> Output {
+    let mut running = Running::start(command);
     let status = running.wait();
     let take =
         |stream: Option<Receiver<String>>| stream.map_or(Vec::new(), |lines| lines.iter().collect::<Vec<_>>().join("\n").into_bytes());
@@ -145,24 +150,22 @@ pub fn model() -> &'static Path {
     static MODEL: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     let (_, path) = MODEL.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let shapes = folder.path().join("shapes");
-        library(&shapes);
         let path = folder.path().join("small.safetensors");
-        let resolution = RESOLUTION.to_string();
-        let output = run([
-            "train".as_ref(),
-            shapes.as_os_str(),
-            "--out".as_ref(),
-            path.as_os_str(),
-            "--resolution".as_ref(),
-            resolution.as_ref(),
-            "--least".as_ref(),
-            "5".as_ref(),
-        ]);
-        assert!(output.status.success(), "{}", text(&output.stderr));
+        train(&path, 5);
         (folder, path)
     });
     path
+}
+
+/// Trains a model of made-up shapes with at least so many components for each class.
+pub fn train(path: &Path, least: usize) {
+    let shapes = path.with_extension("shapes");
+    library(&shapes);
+    let (resolution, least) = (RESOLUTION.to_string(), least.to_string());
+    let mut command = beo(["train".as_ref(), shapes.as_os_str(), "--out".as_ref(), path.as_os_str()]);
+    command.args(["--resolution", &resolution, "--least", &least]);
+    let output = finish(command);
+    assert!(output.status.success(), "{}", text(&output.stderr));
 }
 
 /// Size of the small model's grids.
@@ -187,7 +190,14 @@ pub fn seen(object: &Occupancy, rotation: &Rotation) -> Observation {
 
 /// A daemon with the small model, ready to answer.
 pub fn serve(instance: &str) -> Running {
-    let daemon = Running::start(beo(["serve".as_ref(), "--instance".as_ref(), instance.as_ref(), "--model".as_ref(), model().as_os_str()]));
+    serve_with(instance, model(), |command| command)
+}
+
+/// A daemon with this model and whatever else `change` asks for, ready to answer.
+pub fn serve_with(instance: &str, model: &Path, change: impl FnOnce(&mut Command) -> &mut Command) -> Running {
+    let mut command = beo(["serve".as_ref(), "--instance".as_ref(), instance.as_ref(), "--model".as_ref(), model.as_os_str()]);
+    change(&mut command);
+    let daemon = Running::start(command);
     let line = daemon.line();
     assert!(line.starts_with("serving"), "{line}");
     daemon

@@ -1,10 +1,15 @@
 //! The program as its users run it: real processes, real shared memory.
 
 mod bench;
+mod client;
+mod faults;
 mod full_pose;
 mod harness;
+mod hostile;
+mod operations;
 mod pose;
 mod real_shapes;
+mod resources;
 mod service;
 mod training;
 mod usage;

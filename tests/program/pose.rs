@@ -1,16 +1,14 @@
 //! Pose: what turns with the query, what cannot be told, what is expected, and what is followed from frame to frame.
 
+use crate::client::Client;
 use crate::harness::{RESOLUTION, answer, dims, instance, model, run, seen, serve, shape, text};
 use beo::grid::{Observation, Occupancy, Outside, Rotation, Turn, View, yaw, yaw_of};
 use beo::perception::{Frame, Method, PaperPose, PoseSearch, Query, RotationPrior};
 use beo::shapes::furniture;
-use beo_ipc::{InstanceName, ObservationHeader, Producer, Subscriber, SubscriberOptions};
+use beo_ipc::ObservationHeader;
 use nalgebra::Quaternion;
 use serde_json::Value;
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::time::{Duration, Instant};
-
-const WAIT: Duration = Duration::from_secs(60);
 
 fn yaw_query() -> Query {
     Query { pose: PoseSearch::YAW, completion: true, ..Query::default() }
@@ -135,36 +133,21 @@ fn a_rotation_prior_decides_between_what_looks_alike_and_a_known_class_is_kept()
 }
 
 /// A robot's camera that follows one object.
-struct Camera {
-    producer: Producer,
-    subscriber: Subscriber,
-}
+struct Camera(Client);
 
 impl Camera {
     fn new(name: &str) -> Self {
-        let name = InstanceName::new(name).unwrap();
-        let subscriber = Subscriber::open_within(&name, &SubscriberOptions::default(), WAIT).unwrap();
-        let template = ObservationHeader::new([RESOLUTION as u32; 3]);
-        Self { producer: Producer::open_within(&name, &template, WAIT).unwrap(), subscriber }
+        Self(Client::new(name))
     }
 
     /// The yaw that is answered.
     fn ask(&self, observation: &Observation, change: impl FnOnce(&mut ObservationHeader)) -> f64 {
-        let mut loan = self.producer.loan().unwrap();
-        observation.write(loan.voxels_mut());
-        let header = loan.header_mut();
-        header.pose_search = beo_ipc::PoseSearch::Yaw.code();
-        header.view = beo_ipc::View::TopDown.code();
-        change(header);
-        let sent = loan.send().unwrap();
-        let start = Instant::now();
-        let percept = loop {
-            match self.subscriber.take_percept().unwrap() {
-                Some(percept) if percept.sequence == sent.sequence => break percept,
-                _ => self.subscriber.wait(Duration::from_millis(50)).unwrap(),
-            };
-            assert!(start.elapsed() < WAIT, "no answer");
-        };
+        let percept = self.0.ask(|header, voxels| {
+            observation.write(voxels);
+            header.pose_search = beo_ipc::PoseSearch::Yaw.code();
+            header.view = beo_ipc::View::TopDown.code();
+            change(header);
+        });
         assert_eq!(percept.status, 0);
         let of_class = percept.hypotheses[..percept.hypothesis_count as usize].iter().find(|h| h.class_index == percept.class_index);
         let [x, y, z, w] = of_class.unwrap().rotation_object_to_grid.map(f64::from);

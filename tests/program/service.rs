@@ -1,14 +1,11 @@
 //! The main job: a producer writes into shared memory, the daemon answers, a watcher reads.
 
+use crate::client::{Client, DIMS, block, explanation};
 use crate::harness::{RESOLUTION, Running, beo, instance, model, run, segments, serve, shape, text};
 use beo::shapes::furniture;
-use beo_ipc::{InstanceName, ObservationHeader, Percept, PerceptStatus, Producer, Subscriber, SubscriberOptions, tasks};
+use beo_ipc::{Percept, PerceptStatus, tasks};
 use rustix::process::Signal;
 use serde_json::Value;
-use std::time::{Duration, Instant};
-
-const DIMS: [u32; 3] = [RESOLUTION as u32; 3];
-const WAIT: Duration = Duration::from_secs(60);
 
 #[test]
 fn observe_serve_and_watch_name_made_up_furniture_and_leave_nothing_behind() {
@@ -76,55 +73,6 @@ fn a_second_daemon_of_the_same_name_is_refused_in_one_line() {
     assert_eq!(second.status.code(), Some(1));
     let message = text(&second.stderr);
     assert!(message.lines().count() == 1 && message.contains(&name), "{message}");
-}
-
-/// A camera and a robot's process in one.
-struct Client {
-    producer: Producer,
-    subscriber: Subscriber,
-}
-
-impl Client {
-    fn new(name: &str) -> Self {
-        let instance = InstanceName::new(name).unwrap();
-        let subscriber = Subscriber::open_within(&instance, &SubscriberOptions { completion: true }, WAIT).unwrap();
-        Self { producer: Producer::open_within(&instance, &ObservationHeader::new(DIMS), WAIT).unwrap(), subscriber }
-    }
-
-    /// Sends one observation and waits for its percept.
-    fn ask(&self, fill: impl FnOnce(&mut ObservationHeader, &mut [u8])) -> Percept {
-        let mut loan = self.producer.loan().unwrap();
-        let mut header = *loan.header();
-        loan.voxels_mut().fill(0);
-        fill(&mut header, loan.voxels_mut());
-        *loan.header_mut() = header;
-        let sent = loan.send().unwrap();
-        let start = Instant::now();
-        loop {
-            if let Some(percept) = self.subscriber.take_percept().unwrap()
-                && percept.sequence == sent.sequence
-            {
-                return percept;
-            }
-            assert!(start.elapsed() < WAIT, "no answer");
-            self.subscriber.wait(Duration::from_millis(50)).unwrap();
-        }
-    }
-}
-
-/// A solid block seen from above.
-fn block(voxels: &mut [u8]) {
-    let n = RESOLUTION;
-    for column in 0..n * n {
-        if (3..n - 3).contains(&(column / n)) && (4..n - 4).contains(&(column % n)) {
-            voxels[column * n + 8] = 1;
-            voxels[column * n..column * n + 8].fill(255);
-        }
-    }
-}
-
-fn explanation(percept: &Percept) -> &str {
-    beo_ipc::text::from_field(&percept.explanation)
 }
 
 #[test]
@@ -220,15 +168,7 @@ fn the_status_names_the_classes_and_counts() {
     let client = Client::new(&name);
     client.ask(|_, voxels| block(voxels));
     client.ask(|_, voxels| voxels[0] = 3);
-    let start = Instant::now();
-    let status = loop {
-        let status = client.subscriber.status().unwrap();
-        if let Some(status) = status.filter(|s| s.received == 2 && s.latency_p50_ns > 0) {
-            break status;
-        }
-        assert!(start.elapsed() < WAIT, "{status:?}");
-        std::thread::sleep(Duration::from_millis(20));
-    };
+    let status = client.status(|s| s.received == 2 && s.latency_p50_ns > 0);
     assert_eq!((status.answered, status.refused, status.dropped), (1, 1, 0));
     assert_eq!(status.class_names().collect::<Vec<_>>(), furniture::CLASSES);
     assert_eq!((status.dims, status.model_id != 0, status.heartbeat_ns > 0), (DIMS, true, true));

@@ -22,10 +22,11 @@ fn fails(arguments: &[&str], code: i32, parts: &[&str]) {
 fn help_names_every_subcommand() {
     let output = run(["--help"]);
     assert!(output.status.success());
-    for command in ["train", "inspect", "perceive", "serve", "observe", "watch", "eval", "demo", "bench"] {
+    for command in ["train", "inspect", "perceive", "serve", "status", "reload", "observe", "watch", "eval", "demo", "bench"] {
         assert!(text(&output.stdout).contains(command));
         assert!(run([command, "--help"]).status.success());
     }
+    assert!(text(&run(["serve", "--help"]).stdout).contains("SIGHUP"));
 }
 
 #[test]
@@ -49,6 +50,8 @@ fn what_cannot_be_done_is_exit_code_1_and_one_line() {
     let name = instance();
     fails(&["watch", "--instance", &name, "--wait", "0"], 1, &[&name, "beo serve"]);
     fails(&["observe", "f.npy", "--instance", &name, "--wait", "0"], 1, &[&name]);
+    fails(&["status", "--instance", &name], 1, &[&name, "beo serve"]);
+    fails(&["reload", "--instance", &name], 1, &[&name, "beo serve"]);
     fails(&["inspect", "no-such-file"], 1, &["no-such-file"]);
     fails(&["train", "no-such-folder", "--out", "m"], 1, &["no-such-folder"]);
     fails(&["demo", "--model", "no-such-file"], 1, &["no-such-file"]);

@@ -5,7 +5,7 @@ use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Langua
 use std::fmt::Write;
 
 /// Rust names and their names in C.
-const NAMES: [(&str, &str); 20] = [
+const NAMES: [(&str, &str); 21] = [
     ("Outcome", "beo_status"),
     ("SubscriberHandle", "beo_subscriber"),
     ("CompletionHandle", "beo_completion"),
@@ -25,11 +25,12 @@ const NAMES: [(&str, &str); 20] = [
     ("Outside", "beo_outside"),
     ("View", "beo_view"),
     ("Method", "beo_method"),
+    ("DaemonState", "beo_daemon_state"),
     ("tasks", "BEO_TASK"),
 ];
 
 /// Enums that no function mentions: the messages carry their numbers.
-const CODES: [&str; 6] = ["PerceptStatus", "PoseSearch", "CompletionFrame", "Outside", "View", "Method"];
+const CODES: [&str; 7] = ["PerceptStatus", "PoseSearch", "CompletionFrame", "Outside", "View", "Method", "DaemonState"];
 
 const SOURCES: [&str; 8] = [
     "ipc/src/codes.rs",

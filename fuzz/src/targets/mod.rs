@@ -1,0 +1,34 @@
+//! The targets.
+
+pub mod c_abi;
+pub mod config;
+pub mod model;
+pub mod observation;
+pub mod shapes;
+mod small_model;
+
+/// One parser under attack.
+pub struct Target {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// Takes any bytes and returns; a panic is a finding.
+    pub run: fn(&[u8]),
+    /// Good inputs to start from, made by the project's own generator.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+    /// Most bytes that may be allocated at a time for an input of this many bytes.
+    pub most_bytes: fn(usize) -> usize,
+}
+
+/// All of them.
+pub const TARGETS: [Target; 10] = [
+    Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
+    Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
+    Target { name: "off", run: shapes::off, seeds: shapes::off_seeds, most_bytes: shapes::most_bytes_of_mesh },
+    Target { name: "obj", run: shapes::obj, seeds: shapes::obj_seeds, most_bytes: shapes::most_bytes_of_mesh },
+    Target { name: "stl", run: shapes::stl, seeds: shapes::stl_seeds, most_bytes: shapes::most_bytes_of_mesh },
+    Target { name: "ply", run: shapes::ply, seeds: shapes::ply_seeds, most_bytes: shapes::most_bytes_of_mesh },
+    Target { name: "model", run: model::run, seeds: model::seeds, most_bytes: model::most_bytes },
+    Target { name: "config", run: config::run, seeds: config::seeds, most_bytes: config::most_bytes },
+    Target { name: "observation", run: observation::run, seeds: observation::seeds, most_bytes: observation::most_bytes },
+    Target { name: "c_abi", run: c_abi::run, seeds: c_abi::seeds, most_bytes: c_abi::most_bytes },
+];

@@ -1,0 +1,169 @@
+//! What a producer may write: any header and any payload, through the daemon's checks, its copy and its answer.
+
+use super::small_model::{SIDE, model};
+use beo::grid::{Dims, Observation, UNKNOWN};
+use beo::perception::{Perceiver, Percept, PoseSearch, Query, Workspace};
+use beo::service::ask;
+use beo_ipc::validate::validate;
+use beo_ipc::{ObservationHeader, PerceptStatus, text};
+use std::cell::RefCell;
+use std::sync::{Arc, OnceLock};
+
+const HEADER: usize = size_of::<ObservationHeader>();
+
+/// A header, then voxels. Where the header is one for the model but the voxels are too few or none, the rest is unknown.
+pub fn run(data: &[u8]) {
+    let mut bytes = [0; HEADER];
+    let (head, voxels) = data.split_at(data.len().min(HEADER));
+    bytes[..head.len()].copy_from_slice(head);
+    let header = header(&bytes);
+    refused_or(&header, voxels.len(), |count| assert_eq!(count, voxels.len()));
+    let mut filled = voxels.to_vec();
+    filled.resize(SIDE * SIDE * SIDE, UNKNOWN);
+    refused_or(&header, filled.len(), |_| answer(&header, &filled));
+}
+
+/// Checks as the daemon does; what is refused has a percept that says why.
+fn refused_or(header: &ObservationHeader, payload_len: usize, accepted: impl FnOnce(usize)) {
+    match validate(header, payload_len) {
+        Ok(count) => accepted(count),
+        Err(refusal) => {
+            let percept = beo_ipc::Percept::refusing(header, &refusal);
+            assert!(percept.status != 0 && PerceptStatus::from_code(percept.status).is_some());
+            assert_eq!(text::from_field(&percept.explanation), refusal.to_string());
+            assert!(percept.position_m.iter().chain(&percept.orientation).all(|value| value.is_finite()));
+        }
+    }
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Option<(Workspace, Percept)>> = const { RefCell::new(None) };
+}
+
+fn answer(header: &ObservationHeader, voxels: &[u8]) {
+    let dims = Dims::cube(SIDE).expect("a size of a grid");
+    if header.dims != <[usize; 3]>::from(dims).map(|side| side as u32) {
+        return;
+    }
+    let Ok(observation) = Observation::from_bytes(dims, voxels) else { return };
+    let perceiver = perceiver();
+    let mut query = Query { completion: true, ..Query::default() };
+    ask(&mut query, header, PoseSearch::Known);
+    SCRATCH.with_borrow_mut(|scratch| {
+        let (work, percept) = scratch.get_or_insert_with(|| (perceiver.workspace(), Percept::default()));
+        if perceiver.classify(&observation, &query, work, percept).is_ok() {
+            let total: f64 = percept.posterior.iter().sum();
+            assert!((total - 1.0).abs() < 1e-6, "the posterior sums to {total}");
+            assert!(percept.rotation.coords.iter().all(|value| value.is_finite()) && percept.spread.is_finite());
+            if perceiver.complete(&query, work, percept).is_ok() {
+                assert!(percept.occupancy.iter().all(|p| (0.0..=1.0).contains(p)), "occupancies are probabilities");
+            }
+        }
+    });
+}
+
+fn perceiver() -> &'static Perceiver {
+    static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
+    PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(model())).expect("a usable model"))
+}
+
+/// The messages are plain numbers without padding, in the order of their declaration.
+pub(super) fn header(bytes: &[u8; HEADER]) -> ObservationHeader {
+    fn take<const N: usize>(bytes: &mut &[u8]) -> [u8; N] {
+        let (head, rest) = bytes.split_first_chunk::<N>().expect("the header's fields are as long as the header");
+        *bytes = rest;
+        *head
+    }
+    let left = &mut &bytes[..];
+    let header = ObservationHeader {
+        abi_version: u32::from_le_bytes(take(left)),
+        pose_search: u32::from_le_bytes(take(left)),
+        producer_id: u64::from_le_bytes(take(left)),
+        object_id: u64::from_le_bytes(take(left)),
+        sequence: u64::from_le_bytes(take(left)),
+        capture_ns: u64::from_le_bytes(take(left)),
+        sensor_stamp_ns: u64::from_le_bytes(take(left)),
+        written_ns: u64::from_le_bytes(take(left)),
+        deadline_ns: u64::from_le_bytes(take(left)),
+        position_m: [(); 3].map(|()| f64::from_le_bytes(take(left))),
+        orientation: [(); 4].map(|()| f64::from_le_bytes(take(left))),
+        voxel_size_m: f32::from_le_bytes(take(left)),
+        dims: [(); 3].map(|()| u32::from_le_bytes(take(left))),
+        tasks: u32::from_le_bytes(take(left)),
+        completion_frame: u32::from_le_bytes(take(left)),
+        outside: u32::from_le_bytes(take(left)),
+        view: u32::from_le_bytes(take(left)),
+        frame_id: take(left),
+        continued_object_id: u64::from_le_bytes(take(left)),
+        continues: u32::from_le_bytes(take(left)),
+        rotation_prior_concentration: f32::from_le_bytes(take(left)),
+        rotation_prior: [(); 4].map(|()| f32::from_le_bytes(take(left))),
+        reserved: take(left),
+    };
+    assert!(left.is_empty(), "every field was read");
+    header
+}
+
+fn bytes_of(header: &ObservationHeader) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(HEADER);
+    let mut put = |field: &[u8]| bytes.extend_from_slice(field);
+    put(&header.abi_version.to_le_bytes());
+    put(&header.pose_search.to_le_bytes());
+    for value in [
+        header.producer_id,
+        header.object_id,
+        header.sequence,
+        header.capture_ns,
+        header.sensor_stamp_ns,
+        header.written_ns,
+        header.deadline_ns,
+    ] {
+        put(&value.to_le_bytes());
+    }
+    header.position_m.iter().chain(&header.orientation).for_each(|value| put(&value.to_le_bytes()));
+    put(&header.voxel_size_m.to_le_bytes());
+    header.dims.iter().for_each(|value| put(&value.to_le_bytes()));
+    [header.tasks, header.completion_frame, header.outside, header.view].iter().for_each(|value| put(&value.to_le_bytes()));
+    put(&header.frame_id);
+    put(&header.continued_object_id.to_le_bytes());
+    put(&header.continues.to_le_bytes());
+    put(&header.rotation_prior_concentration.to_le_bytes());
+    header.rotation_prior.iter().for_each(|value| put(&value.to_le_bytes()));
+    put(&header.reserved);
+    bytes
+}
+
+/// The model's tables and the scratch memory of a query, made on first use, and a small multiple of the message.
+pub fn most_bytes(len: usize) -> usize {
+    64 * len + (64 << 20)
+}
+
+/// Seeds.
+pub fn seeds() -> Vec<Vec<u8>> {
+    let good = ObservationHeader::new([SIDE as u32; 3]);
+    let mut seeds = Vec::new();
+    for pose_search in 0..3 {
+        for variant in 0..3_u32 {
+            let header = ObservationHeader {
+                pose_search,
+                tasks: 7,
+                view: variant & 1,
+                outside: variant >> 1,
+                completion_frame: variant & 1,
+                rotation_prior: [0.0, 0.6, 0.0, 0.8],
+                rotation_prior_concentration: 4.0 * variant as f32,
+                ..good
+            };
+            let mut bytes = bytes_of(&header);
+            assert_eq!(bytes.len(), HEADER);
+            bytes.extend((0..SIDE * SIDE * SIDE).map(|voxel| match (voxel % SIDE, voxel / SIDE % 3) {
+                (5.., _) => 0,
+                (4, 0..2) => 1,
+                (_, 2) => 0,
+                _ => UNKNOWN,
+            }));
+            seeds.push(bytes);
+        }
+    }
+    seeds
+}

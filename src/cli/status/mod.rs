@@ -1,0 +1,158 @@
+//! `beo status`: how the daemon does, for people, scripts and Prometheus.
+
+mod prometheus;
+mod report;
+
+use super::failure::Failure;
+use super::observe::{first_status, seconds};
+use beo_ipc::clock::monotonic_ns;
+use beo_ipc::{DaemonState, InstanceName, Status, Subscriber, SubscriberOptions};
+use clap::Args;
+use std::time::{Duration, Instant};
+
+/// Say how the daemon does
+///
+/// Exit code 0: it is healthy. 1: it does not run, its heartbeat is late, it failed on the last observation, or it is stopping.
+/// Latencies are those of the last minute, from taking an observation to sending its percept.
+#[derive(Args)]
+pub struct StatusCommand {
+    /// Instance of the daemon
+    #[arg(long, default_value_t = InstanceName::default(), value_name = "NAME")]
+    instance: InstanceName,
+    /// Print one JSON object
+    #[arg(long, conflicts_with = "prometheus")]
+    json: bool,
+    /// Print metrics in Prometheus' text format (0.0.4), also of a daemon that does not run
+    #[arg(long)]
+    prometheus: bool,
+    /// Seconds to wait for a daemon
+    #[arg(long, default_value_t = 0.0, value_name = "SECONDS")]
+    wait: f64,
+}
+
+/// A heartbeat is late after so many times its interval, and not before [`PATIENCE`]: one long query delays it.
+const LATE: u64 = 8;
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// How a daemon does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Health {
+    Healthy,
+    Late,
+    Failing,
+    Stopping,
+}
+
+impl Health {
+    fn of(status: &Status, now_ns: u64) -> Self {
+        let allowed = status.heartbeat_interval_ns.saturating_mul(LATE).max(PATIENCE.as_nanos() as u64);
+        match DaemonState::from_code(status.state) {
+            _ if now_ns.saturating_sub(status.heartbeat_ns) > allowed => Health::Late,
+            Some(DaemonState::Failing) | None => Health::Failing,
+            Some(DaemonState::Stopping) => Health::Stopping,
+            Some(DaemonState::Serving | DaemonState::Reloading) => Health::Healthy,
+        }
+    }
+
+    /// What to do, for people; `None` if all is well.
+    fn complaint(self) -> Option<&'static str> {
+        match self {
+            Health::Healthy => None,
+            Health::Late => Some("its heartbeat is late: is it stopped, or its machine overloaded?"),
+            Health::Failing => Some("it failed on the last observation: see its log; another model can be tried with `beo reload --model`"),
+            Health::Stopping => Some("it is stopping"),
+        }
+    }
+}
+
+impl StatusCommand {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        let wait = seconds(self.wait)?;
+        let status = match self.status(wait) {
+            Ok(status) => status,
+            Err(failure) => {
+                if self.prometheus {
+                    say!("{}", prometheus::absent(&self.instance).trim_end());
+                } else if self.json {
+                    say!("{}", serde_json::json!({ "instance": self.instance.as_str(), "running": false, "healthy": false }));
+                }
+                return Err(failure);
+            }
+        };
+        let now_ns = monotonic_ns();
+        let health = Health::of(&status, now_ns);
+        if self.prometheus {
+            say!("{}", prometheus::text(&self.instance, &status, health, now_ns).trim_end());
+        } else if self.json {
+            say!("{}", report::json(&self.instance, &status, health, now_ns));
+        } else {
+            say!("{}", report::text(&self.instance, &status, health, now_ns));
+        }
+        match health.complaint() {
+            None => Ok(()),
+            Some(complaint) => Err(Failure::Failed(format!("`{}` is not healthy: {complaint}", self.instance))),
+        }
+    }
+
+    fn status(&self, wait: Duration) -> Result<Status, Failure> {
+        let deadline = Instant::now() + wait;
+        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions::default(), wait)?;
+        first_status(&subscriber, deadline)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A daemon that has been up for 100 s and serves.
+    pub(super) fn serving() -> Status {
+        let mut status = Status {
+            pid: 42,
+            daemon_id: 7,
+            model_id: 0xab,
+            started_ns: 1_000_000_000,
+            heartbeat_ns: 100_900_000_000,
+            heartbeat_interval_ns: 250_000_000,
+            received: 110,
+            answered: 100,
+            dropped: 4,
+            refused: 5,
+            failed: 1,
+            overflowed: 3,
+            latency_count: 60,
+            latency_p50_ns: 1_500_000,
+            latency_p90_ns: 2_000_000,
+            latency_p99_ns: 3_000_000,
+            latency_p999_ns: 4_000_000,
+            latency_max_ns: 5_000_000,
+            dims: [30; 3],
+            class_count: 2,
+            reloads: 2,
+            reloads_refused: 1,
+            model_name: beo_ipc::text::to_field("fur\"ni\\ture\n"),
+            ..Status::EMPTY
+        };
+        status.class_names[0] = beo_ipc::text::to_field("bed");
+        status.class_names[1] = beo_ipc::text::to_field("chair");
+        status
+    }
+
+    pub(super) const NOW_NS: u64 = 101_000_000_000;
+
+    #[test]
+    fn health_is_told_from_state_and_heartbeat() {
+        let status = serving();
+        assert_eq!(Health::of(&status, NOW_NS), Health::Healthy);
+        assert_eq!(Health::of(&status, status.heartbeat_ns + 5_000_000_001), Health::Late);
+        assert_eq!(Health::of(&Status { heartbeat_interval_ns: 1 << 40, ..status }, status.heartbeat_ns + 5_000_000_001), Health::Healthy);
+        let in_state = |state| Health::of(&Status { state, ..status }, NOW_NS);
+        assert_eq!(in_state(DaemonState::Reloading.code()), Health::Healthy);
+        assert_eq!(in_state(DaemonState::Failing.code()), Health::Failing);
+        assert_eq!(in_state(DaemonState::Stopping.code()), Health::Stopping);
+        assert_eq!(in_state(99), Health::Failing);
+        assert!(Health::Healthy.complaint().is_none());
+        assert!([Health::Late, Health::Failing, Health::Stopping].iter().all(|health| health.complaint().is_some()));
+    }
+}

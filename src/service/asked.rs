@@ -1,0 +1,32 @@
+//! What the header of a valid observation asks for, as a query.
+
+use crate::grid::{Outside, View, from_xyzw};
+use crate::perception::{Frame, PoseSearch, Query, RotationPrior};
+use beo_ipc::ObservationHeader;
+
+/// Sets in `query` what `header` asks for. `known` is the search for observations that say that their pose is known.
+pub fn ask(query: &mut Query, header: &ObservationHeader, known: PoseSearch) {
+    query.view = match beo_ipc::View::from_code(header.view) {
+        Some(beo_ipc::View::TopDown) => Some(View::Top),
+        _ => None,
+    };
+    query.pose = match beo_ipc::PoseSearch::from_code(header.pose_search) {
+        Some(beo_ipc::PoseSearch::Yaw) => PoseSearch::YAW,
+        Some(beo_ipc::PoseSearch::Full) => PoseSearch::Full,
+        _ => known,
+    };
+    query.outside = match beo_ipc::Outside::from_code(header.outside) {
+        Some(beo_ipc::Outside::Unknown) => Outside::Unknown,
+        _ => Outside::Empty,
+    };
+    query.frame = match beo_ipc::CompletionFrame::from_code(header.completion_frame) {
+        Some(beo_ipc::CompletionFrame::Object) => Frame::Object,
+        _ => Frame::Grid,
+    };
+    query.rotation_prior = if header.rotation_prior_concentration > 0.0 {
+        let expected = from_xyzw(header.rotation_prior.map(f64::from));
+        RotationPrior::around(expected, f64::from(header.rotation_prior_concentration))
+    } else {
+        RotationPrior::uniform()
+    };
+}

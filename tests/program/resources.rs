@@ -1,0 +1,281 @@
+//! What is missing, too small, damaged or not ours: one line that says what to do, exit code 1, before anything is lost.
+//!
+//! Small disks are file systems of a mount namespace, other users are processes without rights: both need root, and without it those
+//! tests say that they are left out.
+
+use crate::client::{Client, block};
+use crate::harness::{RESOLUTION, instance, library, model, run, serve, shape, text};
+use beo::model::Metadata;
+use beo::shapes::furniture;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
+use safetensors::SafeTensors;
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::{FileExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// Expects one line with all of `parts`, and exit code 1.
+#[track_caller]
+fn refused(output: &Output, parts: &[&str]) {
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+    assert!(!message.contains("panicked"), "{message}");
+}
+
+fn is_root() -> bool {
+    rustix::process::geteuid().is_root()
+}
+
+/// Runs a script where `$1` is an empty file system of `size`, and `$2` onwards are `arguments`; `None` where that is not allowed.
+fn on_small_disk(mounted_on: &Path, size: &str, script: &str, arguments: &[&Path]) -> Option<Output> {
+    let script = format!("mount -t tmpfs -o size={size} tmpfs \"$1\" || exit 77; {script}");
+    let mut command = Command::new("unshare");
+    command.args(["-m", "sh", "-c", &script, "sh"]).arg(mounted_on).args(arguments).stdin(Stdio::null());
+    let output = command.output().ok().filter(|output| is_root() && output.status.code() != Some(77));
+    if output.is_none() {
+        eprintln!("left out: a small file system needs root and `unshare`");
+    }
+    output
+}
+
+/// The program as the user `nobody`; `None` where that is not possible.
+fn as_nobody(arguments: &[&str]) -> Option<Output> {
+    let program = Path::new(env!("CARGO_BIN_EXE_beo"));
+    let others = |path: &Path| path.metadata().is_ok_and(|m| m.permissions().mode() & 0o005 == 0o005);
+    let mut command = Command::new("setpriv");
+    command.args(["--reuid=65534", "--regid=65534", "--clear-groups"]).arg(program).args(arguments).stdin(Stdio::null());
+    let output =
+        (is_root() && program.ancestors().filter(|path| *path != Path::new("")).all(others)).then(|| command.output().ok()).flatten();
+    if output.is_none() {
+        eprintln!("left out: another user needs root, `setpriv`, and a program that others may run");
+    }
+    output
+}
+
+/// A copy of the small model, and the length of its header.
+fn copy(folder: &Path) -> (PathBuf, usize, usize) {
+    let bytes = std::fs::read(model()).unwrap();
+    let path = folder.join("copy.safetensors");
+    std::fs::write(&path, &bytes).unwrap();
+    (path, 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize, bytes.len())
+}
+
+/// Flips a bit, tries to load, and flips it back.
+fn survives_flip(file: &File, path: &Path, bit: usize) -> bool {
+    let mut byte = [0];
+    file.read_exact_at(&mut byte, bit as u64 / 8).unwrap();
+    file.write_all_at(&[byte[0] ^ 1 << (bit % 8)], bit as u64 / 8).unwrap();
+    let is_usable = beo::model::load(path).is_ok();
+    file.write_all_at(&byte, bit as u64 / 8).unwrap();
+    is_usable
+}
+
+#[test]
+fn every_flipped_bit_of_a_models_header_and_any_of_its_body_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, header, len) = copy(folder.path());
+    let file = OpenOptions::new().read(true).write(true).open(&path).unwrap();
+    let missed: Vec<usize> = (0..8 * header).filter(|bit| survives_flip(&file, &path, *bit)).collect();
+    assert!(missed.is_empty(), "bits {missed:?} of the header's {}", 8 * header);
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let missed: Vec<usize> =
+        (0..2000).map(|_| random.random_range(8 * header..8 * len)).filter(|bit| survives_flip(&file, &path, *bit)).collect();
+    assert!(missed.is_empty(), "bits {missed:?} of the body");
+    assert!(beo::model::load(&path).is_ok(), "all were flipped back");
+}
+
+/// Writes the small model with other metadata and the checksums that belong to them. Where the size of the grid changes, its body is
+/// holes.
+fn remade(path: &Path, change: impl FnOnce(&mut Metadata)) {
+    let small = std::fs::read(model()).unwrap();
+    let (_, info) = SafeTensors::read_metadata(&small).unwrap();
+    let description: serde_json::Value = serde_json::from_str(&info.metadata().as_ref().unwrap()["beo"]).unwrap();
+    let mut metadata: Metadata = serde_json::from_value(description["metadata"].clone()).unwrap();
+    let checksums: BTreeMap<String, u32> = serde_json::from_value(description["checksums"].clone()).unwrap();
+    change(&mut metadata);
+    let mut table = BTreeMap::new();
+    let mut header = serde_json::Map::new();
+    let mut end = 0;
+    let mut tensors: Vec<_> = info.tensors().into_iter().collect();
+    tensors.sort_by_key(|(_, tensor)| tensor.data_offsets);
+    for (name, tensor) in tensors {
+        let mut shape = tensor.shape.clone();
+        let mut bytes = tensor.data_offsets.1 - tensor.data_offsets.0;
+        if name == "basis" {
+            bytes = bytes / shape[0] * metadata.dims.voxels();
+            shape[0] = metadata.dims.voxels();
+        }
+        let entry = serde_json::json!({ "dtype": tensor.dtype, "shape": shape, "data_offsets": [end, end + bytes] });
+        end += bytes;
+        table.insert(name.clone(), (tensor.dtype.to_string(), shape, bytes));
+        header.insert(name, entry);
+    }
+    let checksum = crc32fast::hash(serde_json::to_string(&(&metadata, &checksums, &table)).unwrap().as_bytes());
+    let metadata_dims = metadata.dims;
+    let [metadata, checksums] = [serde_json::to_string(&metadata), serde_json::to_string(&checksums)].map(Result::unwrap);
+    let description = format!("{{\"metadata\":{metadata},\"checksums\":{checksums},\"checksum\":{checksum}}}");
+    header.insert("__metadata__".into(), serde_json::json!({ "beo": description }));
+    let header = serde_json::to_vec(&header).unwrap();
+    let file = File::create(path).unwrap();
+    file.write_all_at(&(header.len() as u64).to_le_bytes(), 0).unwrap();
+    file.write_all_at(&header, 8).unwrap();
+    file.set_len((8 + header.len() + end) as u64).unwrap();
+    if metadata_dims == crate::harness::dims() {
+        file.write_all_at(&small[small.len() - end..], (8 + header.len()) as u64).unwrap();
+    }
+}
+
+#[test]
+fn a_model_that_memory_cannot_hold_is_refused_before_it_is_loaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("enormous.safetensors");
+    remade(&path, |metadata| {
+        metadata.dims = beo::grid::Dims::cube(256).unwrap();
+        metadata.classes.iter_mut().for_each(|class| class.basis_size = 250);
+    });
+    let name = path.to_str().unwrap();
+    refused(&run(["serve", "--model", name, "--instance", &instance()]), &[name, "MB of memory", "MB left", "--resolution"]);
+    refused(&run(["perceive", "x.off", "--model", name]), &[name, "MB of memory"]);
+}
+
+#[test]
+fn a_model_that_memory_cannot_hold_beside_the_one_that_serves_is_not_reloaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.safetensors");
+    remade(&path, |metadata| metadata.classes.iter_mut().for_each(|class| class.basis_size = 250));
+    let instance = instance();
+    let daemon = serve(&instance);
+    let size = std::fs::read_to_string(format!("/proc/{}/statm", daemon.id())).unwrap();
+    let pages: u64 = size.split_whitespace().next().unwrap().parse().unwrap();
+    // Room for the threads that load, not for what they would.
+    let limit = Rlimit { current: Some(pages * rustix::param::page_size() as u64 + (30 << 20)), maximum: None };
+    prlimit(Pid::from_raw(daemon.id() as i32), Resource::As, limit).unwrap();
+    let output = run(["reload", "--instance", &instance, "--model", path.to_str().unwrap()]);
+    refused(&output, &["large.safetensors", "MB of memory", "ulimit -v", "goes on"]);
+    assert_eq!(Client::new(&instance).ask(|_, voxels| block(voxels)).status, 0);
+}
+
+/// Found by fuzzing: a method's blend that weighs the score of another was an index out of bounds at the first query.
+#[test]
+fn a_calibration_that_weighs_what_is_not_computed_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("remade.safetensors");
+    remade(&path, |_| {});
+    assert!(beo::model::load(&path).is_ok(), "remade as it was");
+    let changes: [fn(&mut Metadata); 3] =
+        [|m| m.calibration.evidence.hull = 0.4, |m| m.calibration.auto.distance = 1.0, |m| m.calibration.mean.evidence = 1.0];
+    for change in changes {
+        remade(&path, change);
+        refused(&run(["serve", "--model", path.to_str().unwrap()]), &["remade.safetensors", "does not compute"]);
+    }
+}
+
+/// Found by fuzzing: a name of a number format with a control character came back in the message.
+#[test]
+fn a_damaged_models_message_has_no_control_characters() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, ..) = copy(folder.path());
+    let mut bytes = std::fs::read(&path).unwrap();
+    let at = bytes.windows(5).position(|window| window == b"\"F32\"").unwrap();
+    bytes[at + 3] = 0x7f;
+    std::fs::write(&path, bytes).unwrap();
+    let output = run(["inspect", path.to_str().unwrap()]);
+    refused(&output, &["copy.safetensors"]);
+    assert!(!text(&output.stderr).trim_end().contains(char::is_control), "{:?}", text(&output.stderr));
+}
+
+#[test]
+fn a_model_that_is_missing_unreadable_or_no_model_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let serve = |path: &str| run(["serve", "--instance", &instance(), "--model", path]);
+    refused(&serve("no-such-folder/model.safetensors"), &["no-such-folder/model.safetensors", "No such file"]);
+    refused(&serve(folder.path().to_str().unwrap()), &[folder.path().to_str().unwrap(), "not a regular file"]);
+    // Whoever opens a pipe that nobody writes to waits for ever.
+    let pipe = folder.path().join("pipe");
+    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, rustix::fs::Mode::RUSR, 0).unwrap();
+    refused(&serve(pipe.to_str().unwrap()), &["pipe", "not a regular file"]);
+    let empty = folder.path().join("empty.safetensors");
+    File::create(&empty).unwrap();
+    refused(&serve(empty.to_str().unwrap()), &["empty.safetensors"]);
+    std::fs::set_permissions(&empty, std::fs::Permissions::from_mode(0o600)).unwrap();
+    std::fs::set_permissions(folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
+    if let Some(output) = as_nobody(&["serve", "--instance", &instance(), "--model", empty.to_str().unwrap()]) {
+        refused(&output, &["empty.safetensors", "ermission denied"]);
+    }
+}
+
+#[test]
+fn shapes_of_other_dims_than_the_models_are_named_with_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("big.binvox");
+    let mut bytes = Vec::new();
+    let object = furniture::make("chair", beo::grid::Dims::cube(RESOLUTION + 4).unwrap(), 1).unwrap();
+    beo::shapes::write_binvox(&mut bytes, &object).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    let name = path.to_str().unwrap();
+    let output = run(["perceive", name, "--model", model().to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = text(&output.stderr);
+    assert!(message.contains("20×20×20") && message.contains("16×16×16") && message.contains(name), "{message}");
+    let instance = instance();
+    let _daemon = serve(&instance);
+    refused(&run(["observe", name, "--instance", &instance]), &["20×20×20", "16×16×16", name]);
+}
+
+#[test]
+fn another_users_daemon_is_out_of_reach_and_the_client_is_told_so() {
+    let instance = instance();
+    let _daemon = serve(&instance);
+    let Some(output) = as_nobody(&["watch", "--instance", &instance, "--wait", "0"]) else { return };
+    refused(&output, &["user"]);
+}
+
+#[test]
+fn too_little_shared_memory_is_found_before_it_is_a_bus_error() {
+    let daemon = "exec \"$2\" serve --model \"$3\" --instance small-shm";
+    let program = Path::new(env!("CARGO_BIN_EXE_beo"));
+    let Some(output) = on_small_disk(Path::new("/dev/shm"), "1M", daemon, &[program, model()]) else { return };
+    refused(&output, &["/dev/shm", "bytes are needed", "are free", "remount"]);
+}
+
+#[test]
+fn a_training_that_could_not_be_kept_does_not_begin() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::set_permissions(folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
+    let shapes = folder.path().join("shapes");
+    library(&shapes);
+    let locked = folder.path().join("locked");
+    std::fs::create_dir(&locked).unwrap();
+    let out = locked.join("model.safetensors");
+    if let Some(output) = as_nobody(&["train", shapes.to_str().unwrap(), "--out", out.to_str().unwrap()]) {
+        refused(&output, &["locked/model.safetensors", "ermission denied"]);
+    }
+    // A file stands where a folder is needed: nobody can write there, not even root.
+    let file = shape(folder.path(), "chair", 1);
+    let out = file.join("model.safetensors");
+    refused(&run(["train", shapes.to_str().unwrap(), "--out", out.to_str().unwrap()]), &["chair-1.binvox"]);
+    let train = "exec \"$2\" train \"$3\" --resolution 16 --least 8 --out \"$1/model.safetensors\"";
+    let program = Path::new(env!("CARGO_BIN_EXE_beo"));
+    let Some(output) = on_small_disk(&locked, "256k", train, &[program, &shapes]) else { return };
+    // Before it come the lines about shapes that were left out.
+    let message = text(&output.stderr);
+    let last = message.trim_end().lines().last().unwrap_or_default();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(last.contains("locked/model.safetensors") && last.contains("does not fit") && last.contains("are free"), "{message}");
+}
+
+#[test]
+fn a_configuration_file_that_is_none_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.toml");
+    std::fs::write(&path, "#".repeat(70_000)).unwrap();
+    refused(&run(["serve", "--config", path.to_str().unwrap()]), &["large.toml", "65536 bytes"]);
+    refused(&run(["serve", "--config", "/dev/zero"]), &["/dev/zero", "not a regular file"]);
+}
