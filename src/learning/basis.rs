@@ -27,6 +27,8 @@ pub(super) struct ClassBasis {
     pub vbpca: Vbpca,
     /// Share of the variance that the k vectors carry.
     pub explained: f64,
+    /// Variance of a voxel about the class mean, mean over the voxels.
+    pub voxel_variance: f64,
 }
 
 impl ClassBasis {
@@ -53,7 +55,7 @@ impl ClassBasis {
             ((column[i] - mean) / eigen.values[h].sqrt()) as f32
         });
         let explained = if trace > 0.0 { eigen.values[..size].iter().sum::<f64>() / trace } else { 0.0 };
-        Ok(Self { combination, vbpca, explained })
+        Ok(Self { combination, vbpca, explained, voxel_variance: trace / (voxels * n) as f64 })
     }
 
     /// The k basis vectors in the coordinates of a linear projection (a × k), given those of the shapes (n × a).

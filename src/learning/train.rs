@@ -23,6 +23,9 @@ use rayon::prelude::*;
 
 /// Fewest shapes of a class.
 pub const FEWEST_SHAPES: usize = 4;
+/// Least noise variance, relative to a voxel's variance about the class mean: as many components as there are shapes leave none, and
+/// unseen shapes then seem impossible. Classes with shapes enough are far above it.
+const LEAST_NOISE: f64 = 0.05;
 
 /// How to train.
 #[derive(Clone, Debug)]
@@ -275,7 +278,8 @@ impl Fit {
         let basis = shared_basis(data.dims, &parts)?;
         let sums = ColumnSums::new(data.dims, &basis);
         let objects: f64 = kept.iter().map(|rows| rows.len() as f64).sum();
-        let noise = bases.iter().zip(kept).map(|(b, rows)| b.vbpca.noise_variance * rows.len() as f64).sum::<f64>() / objects;
+        let mean = |of: fn(&ClassBasis) -> f64| bases.iter().zip(kept).map(|(b, rows)| of(b) * rows.len() as f64).sum::<f64>() / objects;
+        let noise = mean(|b| b.vbpca.noise_variance).max(LEAST_NOISE * mean(|b| b.voxel_variance));
         let classes = bases
             .iter()
             .zip(&shapes)

@@ -12,7 +12,7 @@ use super::row_gram::{AddGram, packed, packed_len};
 use super::rows::Rows;
 use super::tiles::{TileGrams, Tiling};
 use crate::grid::Dims;
-use crate::linear::{LinearError, cholesky_rows, dot64};
+use crate::linear::{LinearError, cholesky_rows, dot64, symmetric_eigen};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
@@ -68,6 +68,14 @@ impl Conditional {
             factor: vec![0.0; size * size],
         }
     }
+}
+
+/// The positive semidefinite matrix that is nearest to a symmetric one (k × k), given by the entries of its lower half.
+fn nearest_semidefinite(k: usize, entry: impl Fn(usize, usize) -> f64) -> Result<Mat<f64>, LinearError> {
+    let matrix = Mat::from_fn(k, k, |i, j| entry(i.max(j), i.min(j)));
+    let eigen = symmetric_eigen(matrix.as_ref())?;
+    let scaled = Mat::from_fn(k, k, |i, h| eigen.vectors[(i, h)] * eigen.values[h].max(0.0));
+    Ok(scaled * eigen.vectors.transpose())
 }
 
 /// Values from row to row of a class with `size` directions.
@@ -178,18 +186,17 @@ impl ClassSubspace {
 
         out.distance2 = residual;
 
-        // M = I + Λ^½ A Λ^½ / σ² = L Lᵀ
-        for (i, row) in out.factor.chunks_exact_mut(k.max(1)).enumerate() {
-            for (j, entry) in row[..=i].iter_mut().enumerate() {
-                let identity = if i == j { 1.0 } else { 0.0 };
-                *entry = identity + self.scales[i] * gram(i, j) * self.scales[j] / noise;
-            }
-        }
+        self.fill_factor(noise, gram, &mut out.factor);
         let mut half = [0.0_f64; MOST_COMPONENTS];
         for i in 0..k {
             half[i] = self.scales[i] * (filled[i] - gram(k, i)) / noise;
         }
-        cholesky_rows(&mut out.factor, k)?;
+        if cholesky_rows(&mut out.factor, k).is_err() {
+            // A is a difference of two sums, and rounding may leave it eigenvalues below zero, which matters where the noise is small.
+            let possible = nearest_semidefinite(k, gram)?;
+            self.fill_factor(noise, |i, j| possible[(i, j)], &mut out.factor);
+            cholesky_rows(&mut out.factor, k)?;
+        }
         let l = &out.factor;
         let mut log_det = 0.0;
         for i in 0..k {
@@ -206,6 +213,16 @@ impl ClassSubspace {
             out.posterior.coefficients[i] = (self.scales[i] * value) as f32;
         }
         Ok(())
+    }
+
+    /// M = I + Λ^½ A Λ^½ / σ², lower half row after row, of the known voxels' Gram matrix A.
+    fn fill_factor(&self, noise: f64, gram: impl Fn(usize, usize) -> f64, factor: &mut [f64]) {
+        for (i, row) in factor.chunks_exact_mut(self.size.max(1)).enumerate() {
+            for (j, entry) in row[..=i].iter_mut().enumerate() {
+                let identity = if i == j { 1.0 } else { 0.0 };
+                *entry = identity + self.scales[i] * gram(i, j) * self.scales[j] / noise;
+            }
+        }
     }
 
     /// The Gram matrix of the rows over the unknown voxels, into `out.unknown`.
@@ -308,6 +325,30 @@ mod tests {
         assert_eq!((blocks, bytes), (2 + 1 + 2, 5 * 4 * LANES * 2));
         // Of 5 × 5 Gram matrices the lower half: a level in single, all voxels in double precision; rows of 7 unknown and 2 filled voxels.
         assert_eq!(ClassSubspace::bytes_to_condition(3, &known), 15 * 4 + 15 * 8 + (7 + 2) * LANES * 2);
+    }
+
+    /// With next to no noise, rounding leaves the Gram matrix of few known voxels eigenvalues below zero that the noise multiplies.
+    #[test]
+    fn rounding_does_not_make_a_class_impossible() {
+        let dims = Dims::new(8, 8, 8).unwrap();
+        let (a, k, d) = (12, 12, 512);
+        let rows = (0..d * a).map(|i| f16::from_f32(((i * 7919 % 1009) as f32 / 1009.0 - 0.5) * 0.15)).collect();
+        let directions = (0..k * a).map(|i| f32::from(i % (a + 1) == 0)).collect();
+        let class = ClassModel { mean: vec![0.0; a], covariance: vec![], directions, variances: vec![1e3; k], hulls: vec![] };
+        let subspace = ClassSubspace::new(dims, &Basis::new(a, rows), &class);
+        let mut known = Known::new(dims);
+        let mut codes = vec![255; d];
+        codes[..3].copy_from_slice(&[1, 0, 1]);
+        known.read(&Observation::from_bytes(dims, &codes).unwrap());
+        let mut conditional = Conditional::new(k);
+        subspace.gather(&known, &mut conditional);
+        let gram = |i: usize, j: usize| subspace.gram[packed(i, j)] - conditional.unknown[packed(i, j)];
+        let lowest = symmetric_eigen(Mat::from_fn(k, k, |i, j| gram(i.max(j), i.min(j))).as_ref()).unwrap().values[k - 1];
+        assert!(1e3 * lowest / 1e-12 < -1.0, "nothing is tested: {lowest}");
+        for noise in [1e-3, 1e-6, 1e-9, 1e-12] {
+            subspace.condition(&known, noise, &mut conditional).unwrap();
+            assert!(conditional.log_evidence.is_finite(), "{noise}");
+        }
     }
 
     /// Everything by the textbook: the joint Gaussian over voxels, its marginal and its conditional.

@@ -32,6 +32,27 @@ fn the_same_shapes_and_seed_give_the_same_file_whatever_the_threads() {
     assert_ne!(one, train("other.safetensors", "2", "1"));
 }
 
+/// As few shapes of a class as are allowed, and as many components as they span: nothing is left from which to learn the noise.
+#[test]
+fn four_shapes_of_a_class_are_enough_whatever_the_folds() {
+    let folder = tempfile::tempdir().unwrap();
+    let shapes = folder.path().join("shapes");
+    for class in ["chair", "table", "bed"] {
+        let train = shapes.join(class).join("train");
+        std::fs::create_dir_all(&train).unwrap();
+        (0..4).for_each(|seed| drop(shape(&train, class, seed)));
+    }
+    let out = folder.path().join("m.safetensors");
+    let (shapes, out, resolution) = (shapes.to_str().unwrap(), out.to_str().unwrap(), RESOLUTION.to_string());
+    for folds in ["2", "3", "4"] {
+        let trained = run(["train", shapes, "--out", out, "--resolution", &resolution, "--folds", folds]);
+        assert!(trained.status.success(), "{folds}: {}", text(&trained.stderr));
+        let query = format!("{shapes}/chair/train/chair-1.binvox");
+        let answer = run(["perceive", &query, "--model", out, "--json"]);
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+    }
+}
+
 #[test]
 fn useless_files_are_named_and_counted_and_do_not_stop_the_training() {
     let folder = tempfile::tempdir().unwrap();

@@ -45,7 +45,9 @@ fn soak() {
     let mut listener = std::env::var_os("BEO_SOAK_LISTENER").map(|path| {
         let mut command = Command::new(path);
         command.arg(&name).stdin(Stdio::null());
-        Running::start(command)
+        let listener = Running::start(command);
+        listener.line();
+        listener
     });
     println!("soak of {minutes} minutes, seed {seed}, instance {name}, C client: {}", listener.is_some());
     println!("{:>7} {:>30} {:>30} {:>30}", "seconds", "daemon: kB, files, segments", "producer", "reader");
