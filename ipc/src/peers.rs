@@ -6,7 +6,7 @@
 //! housekeeping of any other process ends that wait too.
 
 use std::fmt::Debug;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use iceoryx2::prelude::{CallbackProgression, IceoryxSend, PortFactory as _, ZeroCopySend};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
@@ -14,9 +14,19 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use crate::node::{self, Ipc};
 use crate::orphans;
 
-/// The peers that a port was last connected to, as a number that changes with them.
+/// A sender whose number of peers is the same looks again after this long: only the whole list, which costs as much as half the hand-over
+/// of a grid, tells whether one was killed and another one came.
+const LOOK_NS: u64 = 1_000_000;
+
+/// The peers that a port was last connected to.
 #[derive(Debug, Default)]
-pub(crate) struct Peers(AtomicU64);
+pub(crate) struct Peers {
+    /// A number that changes with them.
+    present: AtomicU64,
+    /// How many they were, and when that was seen.
+    count: AtomicUsize,
+    looked_ns: AtomicU64,
+}
 
 impl Peers {
     /// To be called before receiving. False if a dead peer's half-made connection is in the way and cannot be removed: then not now.
@@ -30,24 +40,33 @@ impl Peers {
         self.settle(present)
     }
 
-    /// As [`Self::ready_to_receive`], before sending.
-    pub fn ready_to_send<Payload, Header>(&self, service: &PortFactory<Ipc, Payload, Header>) -> bool
+    /// As [`Self::ready_to_receive`], before sending, at this time.
+    pub fn ready_to_send<Payload, Header>(&self, service: &PortFactory<Ipc, Payload, Header>, now_ns: u64) -> bool
     where
         Payload: Debug + IceoryxSend + ?Sized,
         Header: Debug + ZeroCopySend,
     {
+        let count = service.dynamic_config().number_of_subscribers();
+        let recent = now_ns.saturating_sub(self.looked_ns.load(Ordering::Relaxed)) < LOOK_NS;
+        if recent && count == self.count.load(Ordering::Relaxed) {
+            return true;
+        }
+        self.count.store(count, Ordering::Relaxed);
+        self.looked_ns.store(now_ns, Ordering::Relaxed);
         let mut present = Fingerprint::default();
         service.dynamic_config().list_subscribers(|peer| present.add(peer.subscriber_id.value()));
         self.settle(present)
     }
 
     fn settle(&self, present: Fingerprint) -> bool {
-        if self.0.load(Ordering::Relaxed) == present.0 {
+        if self.present.load(Ordering::Relaxed) == present.0 {
             return true;
         }
         let settled = orphans::remove_and_wait(&node::prefix());
         if settled {
-            self.0.store(present.0, Ordering::Relaxed);
+            self.present.store(present.0, Ordering::Relaxed);
+        } else {
+            self.looked_ns.store(0, Ordering::Relaxed);
         }
         settled
     }

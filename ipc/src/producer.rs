@@ -183,12 +183,13 @@ impl Loan {
     /// removed; [`SendError::Failed`] if iceoryx2 could not deliver it.
     #[inline]
     pub fn send(mut self) -> Result<Sent, SendError> {
-        if !self.outlet.readers.ready_to_send(&self.outlet.service) {
+        let written_ns = monotonic_ns();
+        if !self.outlet.readers.ready_to_send(&self.outlet.service, written_ns) {
             return Err(SendError::PeerInTheWay);
         }
         let sequence = self.outlet.sent.fetch_add(1, Ordering::Relaxed) + 1;
         let header = self.sample.user_header_mut();
-        (header.sequence, header.written_ns) = (sequence, monotonic_ns());
+        (header.sequence, header.written_ns) = (sequence, written_ns);
         let readers = self.sample.send().map_err(channel::send_error)?;
         channel::wake(&self.outlet.observed);
         Ok(Sent { sequence, readers })
