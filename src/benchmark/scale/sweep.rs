@@ -159,8 +159,8 @@ impl Scale {
         self.queries(
             "threads",
             recipe.to_string(),
-            "in known pose a query stays on its thread; of a search the work is at best shared evenly",
-            [0.0, 0.0, -1.0],
+            "in known pose, and in a search about the vertical by the hull, a query stays on its thread",
+            [0.0, 0.0, 0.0],
             cases,
         )
     }
