@@ -22,6 +22,7 @@
 //! of shared memory (the crate `beo_ipc`).
 
 pub mod benchmark;
+pub mod camera;
 pub mod cli;
 pub mod evaluation;
 pub mod grid;

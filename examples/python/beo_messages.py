@@ -43,6 +43,12 @@ class Outside(enum.IntEnum):
 class View(enum.IntEnum):
     UNSPECIFIED = 0
     TOP_DOWN = 1
+    CAMERA = 2
+
+
+class ScaleSearch(enum.IntEnum):
+    KNOWN = 0
+    SEARCH = 1
 
 
 class Method(enum.IntEnum):
@@ -85,7 +91,10 @@ class ObservationHeader(ctypes.Structure):
         ("continues", ctypes.c_uint32),
         ("rotation_prior_concentration", ctypes.c_float),
         ("rotation_prior", ctypes.c_float * 4),
-        ("reserved", ctypes.c_uint8 * 24),
+        ("sensor_position_m", ctypes.c_float * 3),
+        ("scale_search", ctypes.c_uint32),
+        ("known_side_m", ctypes.c_float),
+        ("reserved", ctypes.c_uint8 * 4),
     ]
 
     @staticmethod
@@ -116,7 +125,10 @@ assert ObservationHeader.continued_object_id.offset == 184 and ObservationHeader
 assert ObservationHeader.continues.offset == 192 and ObservationHeader.continues.size == 4
 assert ObservationHeader.rotation_prior_concentration.offset == 196 and ObservationHeader.rotation_prior_concentration.size == 4
 assert ObservationHeader.rotation_prior.offset == 200 and ObservationHeader.rotation_prior.size == 16
-assert ObservationHeader.reserved.offset == 216 and ObservationHeader.reserved.size == 24
+assert ObservationHeader.sensor_position_m.offset == 216 and ObservationHeader.sensor_position_m.size == 12
+assert ObservationHeader.scale_search.offset == 228 and ObservationHeader.scale_search.size == 4
+assert ObservationHeader.known_side_m.offset == 232 and ObservationHeader.known_side_m.size == 4
+assert ObservationHeader.reserved.offset == 236 and ObservationHeader.reserved.size == 4
 
 
 class Hypothesis(ctypes.Structure):
@@ -171,7 +183,11 @@ class Percept(ctypes.Structure):
         ("log_evidence", ctypes.c_float * 64),
         ("hypotheses", Hypothesis * 8),
         ("explanation", ctypes.c_uint8 * 128),
-        ("reserved", ctypes.c_uint8 * 48),
+        ("object_position_m", ctypes.c_double * 3),
+        ("object_position_deviation_m", ctypes.c_float * 3),
+        ("object_extent_m", ctypes.c_float * 3),
+        ("object_extent_deviation_m", ctypes.c_float * 3),
+        ("reserved", ctypes.c_uint8 * 52),
     ]
 
     @staticmethod
@@ -179,7 +195,7 @@ class Percept(ctypes.Structure):
         return "beo.v1.Percept"
 
 
-assert ctypes.sizeof(Percept) == 1136
+assert ctypes.sizeof(Percept) == 1200
 assert Percept.abi_version.offset == 0 and Percept.abi_version.size == 4
 assert Percept.status.offset == 4 and Percept.status.size == 4
 assert Percept.daemon_id.offset == 8 and Percept.daemon_id.size == 8
@@ -212,7 +228,11 @@ assert Percept.posterior.offset == 256 and Percept.posterior.size == 256
 assert Percept.log_evidence.offset == 512 and Percept.log_evidence.size == 256
 assert Percept.hypotheses.offset == 768 and Percept.hypotheses.size == 192
 assert Percept.explanation.offset == 960 and Percept.explanation.size == 128
-assert Percept.reserved.offset == 1088 and Percept.reserved.size == 48
+assert Percept.object_position_m.offset == 1088 and Percept.object_position_m.size == 24
+assert Percept.object_position_deviation_m.offset == 1112 and Percept.object_position_deviation_m.size == 12
+assert Percept.object_extent_m.offset == 1124 and Percept.object_extent_m.size == 12
+assert Percept.object_extent_deviation_m.offset == 1136 and Percept.object_extent_deviation_m.size == 12
+assert Percept.reserved.offset == 1148 and Percept.reserved.size == 52
 
 
 class CompletionHeader(ctypes.Structure):
@@ -333,8 +353,8 @@ assert Status.reserved.offset == 2284 and Status.reserved.size == 12
 
 # What the attribute `beo.layout` of each service must say.
 LAYOUTS = {
-    "observation": "ac18ffaea62b8ecf",
-    "percept": "647c48a55f3a6c9d",
+    "observation": "fda188ed98f418bd",
+    "percept": "9f3b1674ee0c213a",
     "completion": "afcef3a2f37815de",
     "status": "ecd0d4786662758d",
 }

@@ -209,12 +209,33 @@ enum beo_view
     BEO_VIEW_UNSPECIFIED = 0,
     /** From above, along −z of the grid. */
     BEO_VIEW_TOP_DOWN = 1,
+    /** A camera at `beo_observation_header.sensor_position_m`. */
+    BEO_VIEW_CAMERA = 2,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
 typedef enum beo_view beo_view;
 #else
 typedef uint32_t beo_view;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** What is known of the object's size and of its place in the grid: `beo_observation_header.scale_search`. */
+enum beo_scale_search
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** The grid lies about the object as it does about the training shapes: the same centre, the same share for the longest side. */
+    BEO_SCALE_SEARCH_KNOWN = 0,
+    /** The grid was laid about what is visible of the object: size and place are found. */
+    BEO_SCALE_SEARCH_SEARCH = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_scale_search beo_scale_search;
+#else
+typedef uint32_t beo_scale_search;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
@@ -336,8 +357,17 @@ typedef struct beo_observation_header {
      * `rotation_prior_concentration` is not 0.
      */
     float rotation_prior[4];
+    /** Where the camera is, from the grid's centre along the grid's axes, metres; read if `view` is `beo_view.Camera`. */
+    float sensor_position_m[3];
+    /** What is known of the object's size and place: a number of `beo_scale_search`. */
+    uint32_t scale_search;
+    /**
+     * The object's longest side, metres, where the producer knows it and `scale_search` is `beo_scale_search.Search`: only the place is
+     * then found; 0 where it does not.
+     */
+    float known_side_m;
     /** 0. */
-    uint8_t reserved[24];
+    uint8_t reserved[4];
 } beo_observation_header;
 
 /** How to subscribe. Start from `BEO_SUBSCRIBER_OPTIONS_INIT`. */
@@ -428,8 +458,19 @@ typedef struct beo_percept {
     struct beo_hypothesis hypotheses[8];
     /** Why the observation was refused, for people: UTF-8, padded with NUL. */
     uint8_t explanation[128];
+    /**
+     * The centre of the object's box (along the object's axes), in the frame `frame_id`, metres; where neither size nor place was
+     * searched, the grid's centre.
+     */
+    double object_position_m[3];
+    /** Its standard deviation along the grid's axes, metres; 0 where it was not searched. */
+    float object_position_deviation_m[3];
+    /** Lengths of the object's box along the object's axes, metres; 0 where they were not estimated. */
+    float object_extent_m[3];
+    /** Their standard deviation, metres. */
+    float object_extent_deviation_m[3];
     /** 0. */
-    uint8_t reserved[48];
+    uint8_t reserved[52];
 } beo_percept;
 
 /**
@@ -840,8 +881,14 @@ BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior_concentration)
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->rotation_prior_concentration) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_observation_header, rotation_prior) == 200, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->rotation_prior) == 16, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, reserved) == 216, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->reserved) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, sensor_position_m) == 216, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->sensor_position_m) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, scale_search) == 228, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->scale_search) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, known_side_m) == 232, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->known_side_m) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, reserved) == 236, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->reserved) == 4, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_hypothesis) == 24, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_hypothesis, rotation_object_to_grid) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->rotation_object_to_grid) == 16, "layout");
@@ -849,7 +896,7 @@ BEO_STATIC_ASSERT(offsetof(beo_hypothesis, class_index) == 16, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->class_index) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_hypothesis, probability) == 20, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->probability) == 4, "layout");
-BEO_STATIC_ASSERT(sizeof(beo_percept) == 1136, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_percept) == 1200, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_percept, abi_version) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->abi_version) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_percept, status) == 4, "layout");
@@ -914,8 +961,16 @@ BEO_STATIC_ASSERT(offsetof(beo_percept, hypotheses) == 768, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->hypotheses) == 192, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_percept, explanation) == 960, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->explanation) == 128, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, reserved) == 1088, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->reserved) == 48, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_position_m) == 1088, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_position_m) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_position_deviation_m) == 1112, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_position_deviation_m) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_extent_m) == 1124, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_extent_m) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_extent_deviation_m) == 1136, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_extent_deviation_m) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, reserved) == 1148, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->reserved) == 52, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_completion_header) == 264, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_header, abi_version) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->abi_version) == 4, "layout");

@@ -120,8 +120,22 @@ pub enum View {
     Unspecified = 0,
     /// From above, along −z of the grid.
     TopDown = 1,
+    /// A camera at [`crate::ObservationHeader::sensor_position_m`].
+    Camera = 2,
 }
-checked_codes!(View { Unspecified, TopDown });
+checked_codes!(View { Unspecified, TopDown, Camera });
+
+/// What is known of the object's size and of its place in the grid: [`crate::ObservationHeader::scale_search`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum ScaleSearch {
+    /// The grid lies about the object as it does about the training shapes: the same centre, the same share for the longest side.
+    #[default]
+    Known = 0,
+    /// The grid was laid about what is visible of the object: size and place are found.
+    Search = 1,
+}
+checked_codes!(ScaleSearch { Known, Search });
 
 /// How a percept was computed: [`crate::Percept::method`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -173,6 +187,7 @@ mod tests {
         assert_eq!(DaemonState::from_code(4), None);
         assert_eq!(CompletionFrame::from_code(2), None);
         assert_eq!(Outside::from_code(2), None);
-        assert_eq!(View::from_code(2), None);
+        assert_eq!(View::from_code(3), None);
+        assert_eq!(ScaleSearch::from_code(2), None);
     }
 }

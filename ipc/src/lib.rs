@@ -38,7 +38,7 @@ mod sweeper;
 pub mod text;
 pub mod validate;
 
-pub use codes::{CompletionFrame, DaemonState, Method, Outside, PerceptStatus, PoseSearch, View, tasks};
+pub use codes::{CompletionFrame, DaemonState, Method, Outside, PerceptStatus, PoseSearch, ScaleSearch, View, tasks};
 pub use control::{ReloadCall, ReloadError, request_reload};
 pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 pub use messages::{ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, ObservationHeader, Percept, Status};

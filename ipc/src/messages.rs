@@ -7,7 +7,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::codes::{CompletionFrame, Outside, PoseSearch, View, tasks};
+use crate::codes::{CompletionFrame, Outside, PoseSearch, ScaleSearch, View, tasks};
 use crate::layout::{Scalar, layout};
 use crate::limits::{EXPLANATION_LEN, MAX_CLASSES, MAX_HYPOTHESES, NAME_LEN};
 use crate::validate::normalised;
@@ -73,14 +73,21 @@ pub struct ObservationHeader {
     /// The rotation that the producer expects: turns object axes into grid axes, unit quaternion x, y, z, w; read if
     /// `rotation_prior_concentration` is not 0.
     pub rotation_prior: [f32; 4],
+    /// Where the camera is, from the grid's centre along the grid's axes, metres; read if `view` is [`View::Camera`].
+    pub sensor_position_m: [f32; 3],
+    /// What is known of the object's size and place: a number of [`ScaleSearch`].
+    pub scale_search: u32,
+    /// The object's longest side, metres, where the producer knows it and `scale_search` is [`ScaleSearch::Search`]: only the place is
+    /// then found; 0 where it does not.
+    pub known_side_m: f32,
     /// 0.
-    pub reserved: [u8; 24],
+    pub reserved: [u8; 4],
 }
 layout!(ObservationHeader: 240 {
     abi_version @ 0, pose_search @ 4, producer_id @ 8, object_id @ 16, sequence @ 24, capture_ns @ 32, sensor_stamp_ns @ 40, written_ns @ 48,
     deadline_ns @ 56, position_m @ 64, orientation @ 88, voxel_size_m @ 120, dims @ 124, tasks @ 136, completion_frame @ 140, outside @ 144,
     view @ 148, frame_id @ 152, continued_object_id @ 184, continues @ 192, rotation_prior_concentration @ 196, rotation_prior @ 200,
-    reserved @ 216,
+    sensor_position_m @ 216, scale_search @ 228, known_side_m @ 232, reserved @ 236,
 });
 
 impl ObservationHeader {
@@ -109,7 +116,10 @@ impl ObservationHeader {
             continues: 0,
             rotation_prior_concentration: 0.0,
             rotation_prior: [0.0, 0.0, 0.0, 1.0],
-            reserved: [0; 24],
+            sensor_position_m: [0.0; 3],
+            scale_search: ScaleSearch::Known.code(),
+            known_side_m: 0.0,
+            reserved: [0; 4],
         }
     }
 }
@@ -213,15 +223,24 @@ pub struct Percept {
     pub hypotheses: [Hypothesis; 8],
     /// Why the observation was refused, for people: UTF-8, padded with NUL.
     pub explanation: [u8; 128],
+    /// The centre of the object's box (along the object's axes), in the frame `frame_id`, metres; where neither size nor place was
+    /// searched, the grid's centre.
+    pub object_position_m: [f64; 3],
+    /// Its standard deviation along the grid's axes, metres; 0 where it was not searched.
+    pub object_position_deviation_m: [f32; 3],
+    /// Lengths of the object's box along the object's axes, metres; 0 where they were not estimated.
+    pub object_extent_m: [f32; 3],
+    /// Their standard deviation, metres.
+    pub object_extent_deviation_m: [f32; 3],
     /// 0.
-    pub reserved: [u8; 48],
+    pub reserved: [u8; 52],
 }
-layout!(Percept: 1136 {
+layout!(Percept: 1200 {
     abi_version @ 0, status @ 4, daemon_id @ 8, model_id @ 16, producer_id @ 24, object_id @ 32, sequence @ 40, detail @ 48, capture_ns @ 56,
     sensor_stamp_ns @ 64, written_ns @ 72, received_ns @ 80, projected_ns @ 88, classified_ns @ 96, posed_ns @ 104, completed_ns @ 112, published_ns @ 120, position_m @ 128,
     orientation @ 152, voxel_size_m @ 184, dims @ 188, frame_id @ 200, method @ 232, class_count @ 236, class_index @ 240,
     hypothesis_count @ 244, rotation_spread_rad @ 248, tasks @ 252, posterior @ 256, log_evidence @ 512, hypotheses @ 768, explanation @ 960,
-    reserved @ 1088,
+    object_position_m @ 1088, object_position_deviation_m @ 1112, object_extent_m @ 1124, object_extent_deviation_m @ 1136, reserved @ 1148,
 });
 
 impl Percept {
@@ -259,7 +278,11 @@ impl Percept {
         log_evidence: [0.0; MAX_CLASSES],
         hypotheses: [Hypothesis::ZERO; MAX_HYPOTHESES],
         explanation: [0; EXPLANATION_LEN],
-        reserved: [0; 48],
+        object_position_m: [0.0; 3],
+        object_position_deviation_m: [0.0; 3],
+        object_extent_m: [0.0; 3],
+        object_extent_deviation_m: [0.0; 3],
+        reserved: [0; 52],
     };
 
     /// A percept that repeats the identifiers, stamps and placement of the observation it answers; no class yet.
@@ -276,6 +299,7 @@ impl Percept {
             voxel_size_m: observation.voxel_size_m,
             dims: observation.dims,
             frame_id: observation.frame_id,
+            object_position_m: observation.position_m,
             ..Self::EMPTY
         }
     }
@@ -494,7 +518,7 @@ mod tests {
         ];
         assert_eq!(
             hashes.map(|hash| format!("{hash:016x}")),
-            ["ac18ffaea62b8ecf", "fec395a92f4fab4f", "99fb63f701a53a02", "afcef3a2f37815de", "ecd0d4786662758d",]
+            ["fda188ed98f418bd", "fec395a92f4fab4f", "62bc3d26b09377a5", "afcef3a2f37815de", "ecd0d4786662758d",]
         );
     }
 

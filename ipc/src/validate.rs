@@ -2,7 +2,7 @@
 //!
 //! The voxels themselves are checked by the daemon while it copies them: a producer could change them after any earlier check.
 
-use crate::codes::{CompletionFrame, Outside, PerceptStatus, PoseSearch, View, tasks};
+use crate::codes::{CompletionFrame, Outside, PerceptStatus, PoseSearch, ScaleSearch, View, tasks};
 use crate::limits::{MAX_DIM, MIN_DIM, voxel_count};
 use crate::messages::{ABI_VERSION, ObservationHeader, Percept};
 use crate::text::to_field;
@@ -68,6 +68,12 @@ pub enum Refusal {
     /// Negative, NaN or infinite.
     #[error("rotation_prior_concentration is {0}; it must be finite and not negative")]
     BadConcentration(f32),
+    /// The view is a camera's, and the camera is at the grid's centre.
+    #[error("sensor_position_m is the grid's centre; view {:?} needs the camera's place, from there along the grid's axes", View::Camera)]
+    NoSensor,
+    /// Negative, NaN or infinite.
+    #[error("known_side_m is {0}; it must be positive and finite, or 0 for not known")]
+    BadSide(f32),
     /// A number that this version does not know.
     #[error("{field} is {code}; this daemon knows no such choice")]
     UnknownCode {
@@ -98,9 +104,13 @@ impl Refusal {
             Self::BadDims { .. } | Self::WrongLength { .. } => PerceptStatus::BadDims,
             Self::DimsNotOfModel { .. } => PerceptStatus::DimsNotOfModel,
             Self::BadVoxel { .. } => PerceptStatus::BadVoxel,
-            Self::NotFinite(_) | Self::BadVoxelSize(_) | Self::NotUnit { .. } | Self::BadConcentration(_) | Self::UnknownCode { .. } => {
-                PerceptStatus::BadHeader
-            }
+            Self::NotFinite(_)
+            | Self::BadVoxelSize(_)
+            | Self::NotUnit { .. }
+            | Self::BadConcentration(_)
+            | Self::NoSensor
+            | Self::BadSide(_)
+            | Self::UnknownCode { .. } => PerceptStatus::BadHeader,
             Self::PoseSearchNotSupported(_) => PerceptStatus::PoseSearchNotSupported,
             Self::Expired { .. } => PerceptStatus::Expired,
             Self::Internal(_) => PerceptStatus::Internal,
@@ -120,6 +130,8 @@ impl Refusal {
             | Self::BadVoxelSize(_)
             | Self::NotUnit { .. }
             | Self::BadConcentration(_)
+            | Self::NoSensor
+            | Self::BadSide(_)
             | Self::UnknownCode { .. }
             | Self::Internal(_) => 0,
         }
@@ -137,6 +149,7 @@ impl Percept {
             percept.position_m = Self::EMPTY.position_m;
             percept.orientation = Self::EMPTY.orientation;
             percept.voxel_size_m = Self::EMPTY.voxel_size_m;
+            percept.object_position_m = Self::EMPTY.object_position_m;
         }
         percept
     }
@@ -161,7 +174,9 @@ pub fn validate(header: &ObservationHeader, payload_len: usize) -> Result<usize,
     check_code("outside", header.outside, Outside::from_code(header.outside).is_some())?;
     check_code("view", header.view, View::from_code(header.view).is_some())?;
     check_code("continues", header.continues, header.continues <= 1)?;
+    check_code("scale_search", header.scale_search, ScaleSearch::from_code(header.scale_search).is_some())?;
     check_rotation_prior(header)?;
+    check_sensor(header)?;
     Ok(voxels)
 }
 
@@ -197,6 +212,22 @@ fn check_rotation_prior(header: &ObservationHeader) -> Result<(), Refusal> {
         return Err(Refusal::NotFinite("rotation_prior"));
     }
     check_unit("rotation_prior", header.rotation_prior.map(f64::from))
+}
+
+fn check_sensor(header: &ObservationHeader) -> Result<(), Refusal> {
+    if header.view == View::Camera.code() {
+        if !header.sensor_position_m.iter().all(|value| value.is_finite()) {
+            return Err(Refusal::NotFinite("sensor_position_m"));
+        }
+        if header.sensor_position_m == [0.0; 3] {
+            return Err(Refusal::NoSensor);
+        }
+    }
+    let side = header.known_side_m;
+    if header.scale_search == ScaleSearch::Search.code() && !(side.is_finite() && side >= 0.0) {
+        return Err(Refusal::BadSide(side));
+    }
+    Ok(())
 }
 
 fn check_unit(field: &'static str, quaternion: [f64; 4]) -> Result<(), Refusal> {
@@ -288,6 +319,30 @@ mod tests {
     }
 
     #[test]
+    fn sensors_and_sizes_are_checked_only_where_they_count() {
+        let with = |change: &dyn Fn(&mut ObservationHeader)| {
+            let mut header = ObservationHeader::new(DIMS);
+            change(&mut header);
+            validate(&header, LEN)
+        };
+        assert_eq!(with(&|header| (header.sensor_position_m, header.known_side_m) = ([f32::NAN; 3], f32::NAN)), Ok(LEN));
+        assert_eq!(refusal(|header| header.view = View::Camera.code()), Refusal::NoSensor);
+        for bad in [f32::NAN, f32::INFINITY] {
+            let nowhere = |header: &mut ObservationHeader| (header.view, header.sensor_position_m) = (View::Camera.code(), [1.0, bad, 0.0]);
+            assert_eq!(refusal(nowhere), Refusal::NotFinite("sensor_position_m"));
+        }
+        for bad in [f32::NAN, f32::INFINITY, -0.1] {
+            let refusal = refusal(|header| (header.scale_search, header.known_side_m) = (ScaleSearch::Search.code(), bad));
+            assert!(matches!(refusal, Refusal::BadSide(_)) && refusal.status() == PerceptStatus::BadHeader, "{bad}");
+        }
+        let good = |header: &mut ObservationHeader| {
+            (header.view, header.sensor_position_m) = (View::Camera.code(), [-1.0, 0.0, 0.5]);
+            (header.scale_search, header.known_side_m) = (ScaleSearch::Search.code(), 0.12);
+        };
+        assert_eq!(with(&good), Ok(LEN));
+    }
+
+    #[test]
     fn quaternions_that_are_not_unit_are_refused() {
         for bad in [[0.0; 4], [0.0, 0.0, 0.0, 2.0], [0.5; 4].map(|value| value * 1.01), [1.0; 4], [f64::MAX; 4]] {
             let refusal = refusal(|header| header.orientation = bad);
@@ -343,12 +398,13 @@ mod tests {
             assert_eq!((refusal.status(), refusal.detail()), (PerceptStatus::UnknownVersion, u64::from(version)));
         }
         type Change = fn(&mut ObservationHeader, u32);
-        let fields: [(&str, u32, Change); 6] = [
+        let fields: [(&str, u32, Change); 7] = [
             ("pose_search", 3, |header, code| header.pose_search = code),
             ("tasks", 8, |header, code| header.tasks = code),
             ("completion_frame", 2, |header, code| header.completion_frame = code),
             ("outside", 2, |header, code| header.outside = code),
-            ("view", 2, |header, code| header.view = code),
+            ("view", 3, |header, code| header.view = code),
+            ("scale_search", 2, |header, code| header.scale_search = code),
             ("continues", 2, |header, code| header.continues = code),
         ];
         for (field, first_unknown, change) in fields {

@@ -5,7 +5,7 @@ use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Langua
 use std::fmt::Write;
 
 /// Rust names and their names in C.
-const NAMES: [(&str, &str); 21] = [
+const NAMES: [(&str, &str); 22] = [
     ("Outcome", "beo_status"),
     ("SubscriberHandle", "beo_subscriber"),
     ("CompletionHandle", "beo_completion"),
@@ -24,13 +24,14 @@ const NAMES: [(&str, &str); 21] = [
     ("CompletionFrame", "beo_completion_frame"),
     ("Outside", "beo_outside"),
     ("View", "beo_view"),
+    ("ScaleSearch", "beo_scale_search"),
     ("Method", "beo_method"),
     ("DaemonState", "beo_daemon_state"),
     ("tasks", "BEO_TASK"),
 ];
 
 /// Enums that no function mentions: the messages carry their numbers.
-const CODES: [&str; 7] = ["PerceptStatus", "PoseSearch", "CompletionFrame", "Outside", "View", "Method", "DaemonState"];
+const CODES: [&str; 8] = ["PerceptStatus", "PoseSearch", "CompletionFrame", "Outside", "View", "ScaleSearch", "Method", "DaemonState"];
 
 const SOURCES: [&str; 8] = [
     "ipc/src/codes.rs",

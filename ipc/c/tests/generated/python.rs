@@ -2,7 +2,7 @@
 
 use super::{MESSAGES, Message};
 use beo_ipc::layout::Field;
-use beo_ipc::{ABI_VERSION, CompletionFrame, DaemonState, Method, NO_CLASS, Outside, PerceptStatus, PoseSearch, View, tasks};
+use beo_ipc::{ABI_VERSION, CompletionFrame, DaemonState, Method, NO_CLASS, Outside, PerceptStatus, PoseSearch, ScaleSearch, View, tasks};
 use std::fmt::{Debug, Write};
 
 /// The whole module.
@@ -27,6 +27,7 @@ import enum
     codes(&mut text, "CompletionFrame", CompletionFrame::from_code);
     codes(&mut text, "Outside", Outside::from_code);
     codes(&mut text, "View", View::from_code);
+    codes(&mut text, "ScaleSearch", ScaleSearch::from_code);
     codes(&mut text, "Method", Method::from_code);
     codes(&mut text, "DaemonState", DaemonState::from_code);
     MESSAGES.iter().for_each(|message| structure(&mut text, message));

@@ -1,0 +1,172 @@
+//! The plane that objects stand on, found in the frame itself, and what is up.
+//!
+//! RANSAC (Fischler and Bolles, 1981) over triples from a fixed low-discrepancy sequence, so that the same frame gives the same plane,
+//! then least squares over what lies near it.
+
+use crate::{Frame, SensorModel};
+use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, Vector3};
+
+/// A plane in the camera frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    normal: Unit<Vector3<f64>>,
+    offset: f64,
+}
+
+impl Plane {
+    /// The plane through `point` with `normal`, which points to the side where objects are.
+    pub fn new(normal: Unit<Vector3<f64>>, point: &Point3<f64>) -> Self {
+        Self { normal, offset: -normal.dot(&point.coords) }
+    }
+
+    /// Unit normal: up, for a support plane.
+    pub fn normal(&self) -> Unit<Vector3<f64>> {
+        self.normal
+    }
+
+    /// Signed distance of a point, metres; positive on the side of the normal.
+    #[inline]
+    pub fn height(&self, point: &Point3<f64>) -> f64 {
+        self.normal.dot(&point.coords) + self.offset
+    }
+
+    /// The plane moved along its normal by `distance` metres.
+    pub fn raised(self, distance: f64) -> Self {
+        Self { offset: self.offset - distance, ..self }
+    }
+}
+
+/// How to look for the support plane.
+#[derive(Clone, Copy, Debug)]
+pub struct PlaneSearch {
+    /// Pixels with this label are the plane's; `None`: those that belong to no object (label 0).
+    pub label: Option<u16>,
+    /// What is up in the camera frame, if known: the plane's normal is within 15° of it. Else the camera is taken to be upright,
+    /// rolled by less than 30°, and to look down on the plane.
+    pub up: Option<Unit<Vector3<f64>>>,
+    /// How far readings may be from the plane.
+    pub sensor: SensorModel,
+}
+
+/// Points that are looked at, at most.
+const MOST_POINTS: usize = 4000;
+/// Triples that are tried.
+const TRIPLES: u32 = 600;
+/// Share of the points that must lie near the plane, and their least number.
+const LEAST_SHARE: f64 = 0.15;
+const LEAST_POINTS: usize = 60;
+/// A reading this near is the plane's, metres; or three standard deviations.
+const NEAR: f64 = 0.004;
+
+/// The plane with the most readings of the frame; `None` where there is none that objects could stand on.
+pub fn fit_support(frame: &Frame<'_>, search: &PlaneSearch) -> Option<Plane> {
+    let label = search.label.unwrap_or(0);
+    let of_label = || (0..frame.labels().len()).filter(|pixel| frame.label(*pixel) == label && frame.depth(*pixel).is_some());
+    let stride = of_label().count().div_ceil(MOST_POINTS).max(1);
+    let points: Vec<(Point3<f64>, f64)> = of_label()
+        .step_by(stride)
+        .filter_map(|pixel| frame.point(pixel))
+        .map(|point| (point, NEAR.max(3.0 * search.sensor.deviation(point.z))))
+        .collect();
+    if points.len() < LEAST_POINTS {
+        return None;
+    }
+    let inliers = |plane: &Plane| points.iter().filter(|(point, near)| plane.height(point).abs() < *near).count();
+    // Fractional parts of multiples of these are spread evenly over a cube (the R₃ sequence: powers of the root of x⁴ = x + 1).
+    const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_97];
+    let pick = |i: u32, axis: usize| points[(((f64::from(i) + 1.0) * STEPS[axis]).fract() * points.len() as f64) as usize].0;
+    let best = (0..TRIPLES)
+        .filter_map(|i| through([pick(i, 0), pick(i, 1), pick(i, 2)]))
+        .filter(|plane| search.allows(plane))
+        .map(|plane| (inliers(&plane), plane))
+        .reduce(|best, next| if next.0 > best.0 { next } else { best })?;
+    let mut plane = best.1;
+    for _ in 0..4 {
+        let near: Vec<Point3<f64>> = points.iter().filter(|(p, near)| plane.height(p).abs() < *near).map(|(p, _)| *p).collect();
+        plane = least_squares(&near)?;
+    }
+    let near = inliers(&plane);
+    let enough = near >= LEAST_POINTS && near as f64 >= LEAST_SHARE * points.len() as f64;
+    (enough && search.allows(&plane)).then_some(plane)
+}
+
+impl PlaneSearch {
+    fn allows(&self, plane: &Plane) -> bool {
+        let normal = plane.normal();
+        match self.up {
+            Some(up) => normal.dot(&up) >= 15_f64.to_radians().cos(),
+            // Upright and looking down: up is −y and −z of the camera, mixed, and little of x.
+            None => normal.x.abs() <= 0.5 && normal.y <= 0.26 && normal.z <= 0.26,
+        }
+    }
+}
+
+/// The plane through three points, its normal towards the camera; `None` if they are nearly on a line.
+fn through([a, b, c]: [Point3<f64>; 3]) -> Option<Plane> {
+    let normal = Unit::try_new((b - a).cross(&(c - a)), 1e-6)?;
+    Some(towards_camera(normal, &a))
+}
+
+fn towards_camera(normal: Unit<Vector3<f64>>, point: &Point3<f64>) -> Plane {
+    let plane = Plane::new(normal, point);
+    if plane.height(&Point3::origin()) < 0.0 { Plane::new(-normal, point) } else { plane }
+}
+
+/// The plane with the least squared distances.
+fn least_squares(points: &[Point3<f64>]) -> Option<Plane> {
+    if points.len() < 3 {
+        return None;
+    }
+    let mean = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / points.len() as f64;
+    let scatter = points.iter().fold(Matrix3::zeros(), |sum, p| {
+        let d = p.coords - mean;
+        sum + d * d.transpose()
+    });
+    let eigen = SymmetricEigen::new(scatter);
+    let least = eigen.eigenvalues.imin();
+    let normal = Unit::try_new(eigen.eigenvectors.column(least).into_owned(), 1e-12)?;
+    Some(towards_camera(normal, &Point3::from(mean)))
+}
+
+/// What is up in the camera frame, by gravity (the direction in which things fall) or by the plane that things stand on.
+pub fn up_axis(gravity: Option<Vector3<f64>>, support: Option<&Plane>) -> Option<Unit<Vector3<f64>>> {
+    match gravity {
+        Some(gravity) => Unit::try_new(-gravity, 1e-9),
+        None => support.map(Plane::normal),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Intrinsics;
+
+    /// A camera 0.6 m above a table, pitched down by 40°, with readings that are off by up to 2 mm, and a wall behind the table.
+    #[test]
+    fn the_table_is_found_among_noise_and_a_wall() {
+        let camera = Intrinsics::new(160, 120, [131.0, 131.0], [79.5, 59.5], [0.0; 5]).unwrap();
+        let (sin, cos) = 40_f64.to_radians().sin_cos();
+        let up = Unit::new_normalize(Vector3::new(0.0, -cos, -sin));
+        let table = Plane::new(up, &Point3::from(-up.into_inner() * 0.6));
+        let wall = Plane::new(Unit::new_normalize(Vector3::new(0.0, sin, -cos)), &Point3::from(Vector3::new(0.0, -sin, cos) * 1.1));
+        let labels = vec![0; 160 * 120];
+        let depth: Vec<f32> = (0..160 * 120)
+            .map(|pixel| {
+                let ray = camera.ray([f64::from(pixel % 160), f64::from(pixel / 160)]);
+                let to = |plane: &Plane| -plane.height(&Point3::origin()) / plane.normal().dot(&ray);
+                let nearest = [to(&table), to(&wall)].into_iter().filter(|z| *z > 0.0).fold(f64::INFINITY, f64::min);
+                (nearest + 0.002 * (f64::from(pixel * 7919 % 101) / 50.0 - 1.0)) as f32
+            })
+            .collect();
+        let frame = Frame::new(&camera, &depth, &labels).unwrap();
+        let mut search = PlaneSearch { label: None, up: None, sensor: SensorModel::default() };
+        let found = fit_support(&frame, &search).unwrap();
+        assert!(found.normal().angle(&up) < 0.3_f64.to_radians(), "{}", found.normal().angle(&up).to_degrees());
+        assert!((found.height(&Point3::origin()) - 0.6).abs() < 0.002);
+        // Told that up is along the wall's normal, it is the wall that is found.
+        search.up = Some(wall.normal());
+        assert!(fit_support(&frame, &search).unwrap().normal().angle(&wall.normal()) < 1_f64.to_radians());
+        search.label = Some(9);
+        assert_eq!(fit_support(&frame, &search), None);
+    }
+}

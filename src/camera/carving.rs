@@ -1,0 +1,14 @@
+//! A grid carved by all threads.
+
+use beo_camera::{Carver, GridError};
+use rayon::prelude::*;
+
+/// As [`Carver::carve`], its layers on all threads: which thread takes one does not change the result.
+pub fn carve(carver: &Carver<'_>, voxels: &mut [u8]) -> Result<(), GridError> {
+    let expected = carver.grid.voxels();
+    if voxels.len() != expected {
+        return Err(GridError::Length { found: voxels.len(), expected });
+    }
+    voxels.par_chunks_exact_mut(carver.layer()).enumerate().for_each(|(i, layer)| carver.carve_layer(i, layer));
+    Ok(())
+}

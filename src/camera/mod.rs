@@ -1,0 +1,10 @@
+//! The camera's side: depth images in, partial grids out. The geometry is the crate `beo_camera`'s; here is what needs files, shapes and
+//! threads.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `carving` | a grid carved by all threads |
+
+mod carving;
+
+pub use carving::carve;
