@@ -7,6 +7,7 @@ mod bench;
 mod demo;
 mod eval;
 mod failure;
+mod generate;
 mod inspect;
 mod logging;
 mod observe;
@@ -47,6 +48,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Train(train::Train),
+    Generate(generate::Generate),
     Inspect(inspect::Inspect),
     Perceive(perceive::Perceive),
     Serve(serve::Serve),
@@ -81,6 +83,7 @@ pub fn run() -> ExitCode {
     }
     let outcome = match arguments.command {
         Command::Train(command) => command.run(),
+        Command::Generate(command) => command.run(),
         Command::Inspect(command) => command.run(),
         Command::Perceive(command) => command.run(),
         Command::Serve(command) => command.run(),
