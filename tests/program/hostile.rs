@@ -77,7 +77,7 @@ fn spoil(header: &mut ObservationHeader, random: &mut ChaCha8Rng) {
     perhaps!(header.continues, bits(random));
     perhaps!(header.rotation_prior_concentration, single(random));
     perhaps!(header.rotation_prior, [(); 4].map(|()| single(random)));
-    perhaps!(header.reserved, [random.next_u32() as u8; 24]);
+    perhaps!(header.reserved, [random.next_u32() as u8; 4]);
 }
 
 #[test]
