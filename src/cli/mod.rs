@@ -4,6 +4,7 @@
 mod output;
 
 mod bench;
+mod camera;
 mod demo;
 mod eval;
 mod failure;
@@ -55,6 +56,7 @@ enum Command {
     Status(status::StatusCommand),
     Reload(reload::Reload),
     Observe(observe::Observe),
+    Camera(camera::Camera),
     Watch(watch::Watch),
     Demo(demo::Demo),
     Eval(eval::Eval),
@@ -90,6 +92,7 @@ pub fn run() -> ExitCode {
         Command::Status(command) => command.run(),
         Command::Reload(command) => command.run(),
         Command::Observe(command) => command.run(),
+        Command::Camera(command) => command.run(),
         Command::Watch(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Eval(command) => command.run(),
