@@ -23,8 +23,16 @@ impl Colour {
     pub const KNOWN: Self = Self::rgb(66, 133, 190);
     /// Filled voxels that were predicted.
     pub const PREDICTED: Self = Self::rgb(240, 150, 70);
+    /// Predicted without any certainty.
+    pub const UNSURE: Self = Self::rgb(250, 236, 214);
     /// Unknown space: faint and translucent.
     pub const UNKNOWN: Self = Self { rgb: [150, 156, 166], opacity: 0.10 };
+    /// The object's x axis, as in RViz.
+    pub const X_AXIS: Self = Self::rgb(214, 48, 49);
+    /// The object's y axis.
+    pub const Y_AXIS: Self = Self::rgb(46, 150, 60);
+    /// The object's z axis.
+    pub const Z_AXIS: Self = Self::rgb(40, 90, 220);
     /// Text, axes.
     pub const INK: Self = Self::rgb(50, 54, 62);
     /// Grid lines, less important text.
@@ -68,6 +76,12 @@ impl Colour {
     pub fn signed(value: f32) -> Self {
         let colour = if value < 0.0 { Self::rgb(48, 105, 180) } else { Self::rgb(226, 96, 40) };
         colour.with_opacity(value.abs())
+    }
+
+    /// A predicted voxel or surface: the greater the standard deviation of its occupancy, the paler. One half is the most that a
+    /// probability can have.
+    pub fn predicted(deviation: f32) -> Self {
+        Self::PREDICTED.mix(Self::UNSURE, 2.0 * deviation)
     }
 
     pub(super) fn shaded(self, light: f32) -> Self {
