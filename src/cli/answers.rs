@@ -37,7 +37,8 @@ fn latency_us(percept: &Percept, read_ns: u64) -> f64 {
     read_ns.saturating_sub(percept.capture_ns) as f64 / 1e3
 }
 
-fn classes(percept: &Percept) -> usize {
+/// How many classes there are.
+pub fn classes(percept: &Percept) -> usize {
     (percept.class_count as usize).min(percept.posterior.len())
 }
 

@@ -12,6 +12,7 @@ mod inspect;
 mod logging;
 mod observe;
 mod perceive;
+mod pictures;
 mod progress;
 mod record;
 mod reload;

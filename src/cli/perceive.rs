@@ -2,6 +2,7 @@
 
 use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
+use super::pictures::{PictureArguments, Shown};
 use super::shapes::{MeshArguments, ViewArgument};
 use crate::grid::{Rotation, to_xyzw, yaw_of};
 use crate::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
@@ -44,6 +45,8 @@ pub struct Perceive {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    pictures: PictureArguments,
+    #[command(flatten)]
     mesh: MeshArguments,
 }
 
@@ -66,6 +69,7 @@ impl Perceive {
         if !self.turn.is_finite() || self.turn != 0.0 && self.view != ViewArgument::Top {
             return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top)", self.turn)));
         }
+        self.pictures.prepare()?;
         let perceiver = Perceiver::open(&self.model)?;
         let model = perceiver.model().clone();
         let read = self.mesh.read_options(model.dims())?;
@@ -81,11 +85,15 @@ impl Perceive {
         };
         let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
         let mut failed = 0;
-        for file in &self.files {
+        for (place, file) in self.files.iter().enumerate() {
             let answer = self.view.source(file, &read).and_then(|source| {
                 let observation = source.turned_by(self.turn.to_radians());
                 perceiver.classify(&observation, &query, &mut work, &mut percept)?;
                 perceiver.complete(&query, &mut work, &mut percept)?;
+                if self.pictures.is_wanted() {
+                    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+                    Shown::of_file(place + 1, &name, &names, &observation, &percept).save(&self.pictures)?;
+                }
                 Ok(())
             });
             if let Err(failure) = answer {

@@ -33,8 +33,16 @@ impl Colour {
     pub const Y_AXIS: Self = Self::rgb(46, 150, 60);
     /// The object's z axis.
     pub const Z_AXIS: Self = Self::rgb(40, 90, 220);
+    /// The edges of an object's box.
+    pub const BOX: Self = Self::rgb(70, 130, 90);
+    /// What was seen, where it is not what a picture is about.
+    pub const SEEN_ASIDE: Self = Self::rgb(205, 210, 216);
+    /// Pixels of a depth image without a reading.
+    pub const NO_READING: Self = Self::rgb(176, 178, 182);
     /// Text, axes.
     pub const INK: Self = Self::rgb(50, 54, 62);
+    /// Captions, the grid's axes.
+    pub const QUIET: Self = Self::rgb(112, 118, 128);
     /// Grid lines, less important text.
     pub const FAINT: Self = Self::rgb(214, 218, 224);
     /// Paper.
