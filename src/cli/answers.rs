@@ -105,7 +105,6 @@ pub fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Stat
     format!("#{} {name} {:.1} % ({}){pose}, {completed}, {latency:.2} ms", percept.sequence, 100.0 * p, others.join(", "))
 }
 
-
 /// Class and probability, for where there is little room.
 pub fn label(percept: &Percept, status: &Status) -> String {
     let p = percept.posterior.get(percept.class_index as usize).copied().unwrap_or(0.0);

@@ -121,9 +121,7 @@ impl Shown {
             observation: Observation::of_completion(dims, completion.occupancy(), completion.deviation()),
             occupancy: shares(completion.occupancy()),
             deviation: shares(completion.deviation()),
-            classes: (0..classes(percept))
-                .map(|s| (class_name(status, s as u32).to_owned(), f64::from(percept.posterior[s])))
-                .collect(),
+            classes: (0..classes(percept)).map(|s| (class_name(status, s as u32).to_owned(), f64::from(percept.posterior[s]))).collect(),
             poses: if searched {
                 hypotheses(percept).iter().map(posed).map(|(rotation, p)| (to_payload * rotation, p)).collect()
             } else {

@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 
 /// Record what the daemon is asked and answers into an MCAP file, for Foxglove and Rerun
 ///
-/// Topics: /beo/observation (point cloud of what was seen), /beo/completion (its surface, more transparent where unsure), /beo/object (class,
-/// pose hypotheses, box), /beo/pose, /tf, /beo/log, and /beo/percept (JSON as `beo watch --json` prints it). Ctrl-C ends the file properly; of
+/// Topics: /beo/observation (point cloud of what was seen), /beo/completion (its surface, more transparent where unsure) and
+/// /beo/completion_points (its filled voxels, as Rerun draws no surfaces), /beo/object (class, pose hypotheses, box), /beo/pose, /tf, /beo/log, and /beo/percept (JSON as `beo watch --json` prints it). Ctrl-C ends the file properly; of
 /// a recorder that is killed, all but the last second can be recovered.
 #[derive(Args)]
 pub struct Record {
@@ -47,9 +47,9 @@ impl Record {
         let wait = seconds(self.wait)?;
         let length = match self.seconds {
             None => None,
-            Some(length) if length > 0.0 => Some(
-                Duration::try_from_secs_f64(length).map_err(|_| Failure::Usage(format!("--seconds {length}: use fewer seconds")))?,
-            ),
+            Some(length) if length > 0.0 => {
+                Some(Duration::try_from_secs_f64(length).map_err(|_| Failure::Usage(format!("--seconds {length}: use fewer seconds")))?)
+            }
             Some(length) => return Err(Failure::Usage(format!("--seconds {length}: use a number above 0"))),
         };
         let stop = stop::on_signal()?;
@@ -95,8 +95,7 @@ impl Record {
                     let (occupancy, deviation) = (completion.occupancy(), completion.deviation());
                     recorder.completion(completion.header(), occupancy, deviation, observations.is_none(), now_ns)?;
                 }
-                let (line, json) =
-                    (as_text(&percept, &completion, &status, now_ns), as_json(&percept, &completion, &status, now_ns));
+                let (line, json) = (as_text(&percept, &completion, &status, now_ns), as_json(&percept, &completion, &status, now_ns));
                 recorder.percept(&percept, label(&percept, &status), line, &json, now_ns)?;
                 taken += 1;
                 take_observations(observations.as_ref(), &mut recorder)?;

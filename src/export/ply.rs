@@ -81,9 +81,9 @@ fn encode<'a>(comment: &str, elements: Vec<(ElementDef, Vec<Element<'a>>)>) -> V
     elements.iter().for_each(|(definition, _)| header.elements.add(definition.clone()));
     let (writer, mut bytes) = (Writer::<Element<'a>>::new(), Vec::new());
     let written = writer.write_header(&mut bytes, &header).and_then(|_| {
-        elements.iter().try_for_each(|(definition, entries)| {
-            writer.write_payload_of_element(&mut bytes, entries, definition, &header).map(|_| ())
-        })
+        elements
+            .iter()
+            .try_for_each(|(definition, entries)| writer.write_payload_of_element(&mut bytes, entries, definition, &header).map(|_| ()))
     });
     written.expect("memory takes every byte, and every declared property is there");
     bytes

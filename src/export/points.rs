@@ -32,8 +32,7 @@ mod tests {
         let mut observation = Observation::unknown(dims);
         observation.set(dims.index(7, 4, 6), true);
         observation.set(dims.index(0, 0, 0), false);
-        let placement =
-            GridPlacement { position_m: [1.0, 2.0, 3.0], orientation: yaw(std::f64::consts::FRAC_PI_2), voxel_size_m: 0.1 };
+        let placement = GridPlacement { position_m: [1.0, 2.0, 3.0], orientation: yaw(std::f64::consts::FRAC_PI_2), voxel_size_m: 0.1 };
         let points = points_of(&observation, &placement);
         assert_eq!(points.len(), 1);
         // From the centre: (3.5, −0.5, 0.5) voxels; a quarter turn takes x to y and y to −x.

@@ -21,7 +21,8 @@ pub struct Vertex {
     pub rgb: [u8; 3],
 }
 
-/// A closed surface of triangles whose corners run counter-clockwise when seen from outside.
+/// A closed surface of triangles whose corners run counter-clockwise when seen from outside. Every edge is in two triangles; where parts of
+/// the object touch in an edge only, in four.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
     /// The corners.
@@ -56,7 +57,8 @@ pub fn surface_of(dims: Dims, occupancy: &[f32], deviation: &[f32], placement: &
     Surface { vertices: vertices.collect(), triangles }
 }
 
-/// The grid with a border of one empty sample around it, in the order of `fast_surface_nets`: x fastest.
+/// The grid with a border of empty samples around it, in the order of `fast_surface_nets`, x fastest: one sample below and two above, since
+/// the last cube along an axis gets no faces across it.
 struct Padded {
     shape: RuntimeShape<u32, 3>,
     last: [u32; 3],
@@ -64,7 +66,7 @@ struct Padded {
 
 impl Padded {
     fn new(dims: Dims) -> Self {
-        let last = <[usize; 3]>::from(dims).map(|side| side as u32 + 1);
+        let last = <[usize; 3]>::from(dims).map(|side| side as u32 + 2);
         Self { shape: RuntimeShape::<u32, 3>::new(last.map(|side| side + 1)), last }
     }
 

@@ -86,10 +86,9 @@ impl Colour {
         colour.with_opacity(value.abs())
     }
 
-    /// A predicted voxel or surface: the greater the standard deviation of its occupancy, the paler. One half is the most that a
-    /// probability can have.
+    /// A predicted voxel or surface: the greater the standard deviation of its occupancy, the paler.
     pub fn predicted(deviation: f32) -> Self {
-        Self::PREDICTED.mix(Self::UNSURE, 2.0 * deviation)
+        Self::PREDICTED.mix(Self::UNSURE, deviation / MOST_UNSURE)
     }
 
     pub(super) fn shaded(self, light: f32) -> Self {
@@ -100,6 +99,9 @@ impl Colour {
         Rgb888::new(self.rgb[0], self.rgb[1], self.rgb[2])
     }
 }
+
+/// The standard deviation of an occupancy from which on it is drawn as quite unsure: completions rarely have more.
+pub const MOST_UNSURE: f32 = 0.3;
 
 /// Size of text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -26,7 +26,8 @@ pub fn draw_depth(frame: &Frame<'_>, captions: &[(u16, String)], support: Option
         let own = colour_of(frame.label(pixel));
         let other = |x: usize, y: usize| frame.label(y * width + x) != frame.label(pixel);
         // Two pixels wide: one on each side of the border, or within the object at the border of the image.
-        let is_border = x > 0 && other(x - 1, y) || x + 1 < width && other(x + 1, y) || y > 0 && other(x, y - 1) || y + 1 < height && other(x, y + 1);
+        let is_border =
+            x > 0 && other(x - 1, y) || x + 1 < width && other(x + 1, y) || y > 0 && other(x, y - 1) || y + 1 < height && other(x, y + 1);
         let colour = match own {
             Some(own) if is_border => own,
             Some(own) => base.mix(own, TINT),
@@ -112,6 +113,29 @@ mod tests {
         assert_eq!((image.pixel(10, 25), image.pixel(29, 34)), (Colour::SERIES[0].rgb, Colour::SERIES[0].rgb));
         assert_ne!(image.pixel(20, 28), Colour::SERIES[0].rgb, "an object is tinted, not hidden");
         assert!((0..40).any(|y| image.pixel(12, y) == Colour::INK.rgb || image.pixel(13, y) == Colour::INK.rgb), "its caption");
+    }
+
+    #[test]
+    #[ignore = "writes pictures for a person to look at: set BEO_PICTURES to a folder"]
+    fn pictures_to_look_at() {
+        let Some(folder) = std::env::var_os("BEO_PICTURES") else { return };
+        let camera = Intrinsics::new(640, 480, [525.0; 2], [320.0, 240.0], [0.0; 5]).unwrap();
+        // A table that comes nearer towards the lower border, two balls on it, and no reading beside them.
+        let (mut depth, mut labels): (Vec<f32>, Vec<u16>) = (0..640 * 480).map(|p| (2.2 - (p / 640) as f32 / 400.0, 0)).unzip();
+        for (label, x, y, radius) in [(1, 200.0, 250.0, 70.0), (2, 430.0, 300.0, 110.0), (3, 600.0, 20.0, 45.0_f32)] {
+            for pixel in 0..640 * 480 {
+                let across = ((pixel % 640) as f32 - x).hypot((pixel / 640) as f32 - y);
+                if across < radius {
+                    depth[pixel] = 1.2 - 0.001 * (radius * radius - across * across).sqrt();
+                    labels[pixel] = label;
+                } else if across < radius + 6.0 && (pixel % 640) as f32 > x {
+                    depth[pixel] = 0.0;
+                }
+            }
+        }
+        let captions = [(1, "mug 97 %".to_owned()), (2, "bowl 54 %".into())];
+        let image = draw_depth(&Frame::new(&camera, &depth, &labels).unwrap(), &captions, None);
+        image.save(&std::path::Path::new(&folder).join("depth.png")).unwrap();
     }
 
     #[test]

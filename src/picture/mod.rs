@@ -8,7 +8,7 @@ mod plot;
 mod scenes;
 mod voxels;
 
-pub use canvas::{Anchor, Colour, Image, SaveError, TextSize, sheet};
+pub use canvas::{Anchor, Colour, Image, MOST_UNSURE, SaveError, TextSize, sheet};
 pub use depth::draw_depth;
 pub use palette::viridis;
 pub use perceived::Perceived;

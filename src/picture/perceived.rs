@@ -2,7 +2,7 @@
 
 use super::scenes::{FAINTEST, fronts, seen};
 use super::voxels::{Mark, Scene, Side, bounds, draw_axes, draw_scene};
-use super::{Anchor, Colour, Image, TextSize, viridis};
+use super::{Anchor, Colour, Image, MOST_UNSURE, TextSize, viridis};
 use crate::grid::{Observation, Rotation};
 use nalgebra::{Point3, Vector3};
 
@@ -14,8 +14,6 @@ const COLUMN: usize = 290;
 const GAP: usize = 14;
 /// Classes that are shown.
 const CLASSES: usize = 10;
-/// The greatest standard deviation that a probability can have: the end of the colour bar.
-const MOST_UNSURE: f32 = 0.5;
 
 /// What is drawn of one object. Places and lengths are in voxels from the grid's centre along the grid's axes.
 #[derive(Clone, Debug)]
@@ -142,10 +140,7 @@ impl Perceived<'_> {
         let most = half.max();
         let marks = axes.into_iter().flat_map(|(axis, length, colour, name)| {
             let tip = |beyond: f64| (from + rotation * axis * (length + beyond * most)).into();
-            [
-                Mark::Arrow { from: from.into(), tip: tip(0.22), colour, width: 2.2 },
-                Mark::Text { at: tip(0.36), text: name.into(), colour },
-            ]
+            [Mark::Arrow { from: from.into(), tip: tip(0.22), colour, width: 2.2 }, Mark::Text { at: tip(0.36), text: name.into(), colour }]
         });
         marks.collect()
     }
@@ -173,7 +168,7 @@ impl Perceived<'_> {
         for (place, (name, p)) in classes.iter().take(CLASSES).enumerate() {
             image.text(&fitting(name, names - 6), left, y, TextSize::Small, Anchor::Left, Colour::INK);
             image.rectangle(left + names, y - 6, bar as u32, 13, Colour::FAINT.with_opacity(0.5));
-            let colour = if place == 0 { Colour::PREDICTED } else { Colour::KNOWN };
+            let colour = if place == 0 { Colour::PREDICTED } else { Colour::PREDICTED.mix(Colour::QUIET, 0.8) };
             let width = (f64::from(bar) * p.clamp(0.0, 1.0)).round() as u32;
             image.rectangle(left + names, y - 6, width.max(u32::from(*p > 0.0)), 13, colour);
             let share = format!("{:.1} %", 100.0 * p);
@@ -198,10 +193,7 @@ impl Perceived<'_> {
         let mut entries = vec![
             (vec![Colour::KNOWN], "seen"),
             (vec![Colour::UNKNOWN.with_opacity(0.45)], "hidden"),
-            (
-                vec![Colour::predicted(0.0), Colour::predicted(0.17), Colour::predicted(0.33), Colour::predicted(0.5)],
-                "predicted, paler where unsure",
-            ),
+            ([0.0, 0.33, 0.67, 1.0].map(|share| Colour::predicted(share * MOST_UNSURE)).to_vec(), "predicted, paler where unsure"),
         ];
         if !self.poses.is_empty() {
             entries.push((vec![Colour::PREDICTED], "front, thicker if more probable"));
@@ -293,6 +285,21 @@ mod tests {
         for nowhere in [[0.0; 3], [f64::NAN; 3], [f64::INFINITY, 0.0, 0.0]] {
             assert_eq!(drawn(|p| p.origin = Some((nowhere, "camera".into()))), plain);
         }
+    }
+
+    #[test]
+    #[ignore = "writes pictures for a person to look at: set BEO_PICTURES to a folder"]
+    fn pictures_to_look_at() {
+        let Some(folder) = std::env::var_os("BEO_PICTURES") else { return };
+        let image = drawn(|p| {
+            p.pose = Some(yaw(0.4));
+            p.poses = vec![(yaw(0.4), 0.8), (yaw(2.5), 0.15)];
+            p.origin = Some(([-60.0, 5.0, 40.0], "camera".into()));
+            p.object_box = Some(([0.0, 0.0, 0.5], [9.0, 9.0, 13.0]));
+            p.classes = (0..14).map(|n| (format!("class {n}"), 0.5_f64.powi(n + 1))).collect();
+            p.notes = vec!["turned by 23° ± 4°".into(), "at (0.512, -0.021, 0.934) m".into(), "0.480 × 0.450 × 0.910 m".into()];
+        });
+        image.save(&std::path::Path::new(&folder).join("perceived.png")).unwrap();
     }
 
     #[test]

@@ -80,10 +80,7 @@ pub fn draw_scene(scene: &Scene, colour: impl Fn(usize) -> Option<Colour>, marks
         None => view.zoom(bounds(dims, |v| colours[v].is_some())),
         Some([low, high]) => view.zoom(match scene.side {
             Side::Front => Some([low, high]),
-            Side::Back => Some([
-                [dims.x() - high[0], dims.y() - high[1], low[2]],
-                [dims.x() - low[0], dims.y() - low[1], high[2]],
-            ]),
+            Side::Back => Some([[dims.x() - high[0], dims.y() - high[1], low[2]], [dims.x() - low[0], dims.y() - low[1], high[2]]]),
         }),
     }
     let mut layer = Layer::new(view.width, view.height);
@@ -125,7 +122,10 @@ pub fn draw_scene(scene: &Scene, colour: impl Fn(usize) -> Option<Colour>, marks
             // Text is not cut off at the picture's border.
             let keep = |at: f64, margin: f64, end: usize| (at / SAMPLES as f64).clamp(margin, (end as f64 - margin).max(margin));
             let (x, y) = (keep(x, half, width), keep(y, 7.0, height));
-            image.text(text, x.round() as i32, y.round() as i32, TextSize::Small, Anchor::Centre, *colour);
+            let (x, y, width) = (x.round() as i32, y.round() as i32, TextSize::Small.width(text) as i32);
+            // Legible over voxels too.
+            image.rectangle(x - width / 2 - 1, y - 6, width as u32 + 2, 13, Colour::PAPER.with_opacity(0.75));
+            image.text(text, x, y, TextSize::Small, Anchor::Centre, *colour);
         }
     }
     image

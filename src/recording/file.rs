@@ -136,10 +136,9 @@ impl McapFile {
     /// Writes the index and closes the file; messages in it and its length.
     pub fn finish(mut self) -> Result<(u64, u64), RecordError> {
         self.with(|writer| writer.finish().map(|_| ()))?;
-        let path = self.path.clone();
-        let mut file = self.writer.take().map(Writer::into_inner).into_iter().next().ok_or_else(|| ended(&path))?;
+        let mut file = self.writer.take().ok_or_else(|| ended(&self.path))?.into_inner();
         let length = std::io::Write::flush(&mut file).and_then(|()| Ok(file.get_ref().metadata()?.len()));
-        let bytes = length.map_err(|error| failure(&path, self.messages, &error.into()))?;
+        let bytes = length.map_err(|error| failure(&self.path, self.messages, &error.into()))?;
         Ok((self.messages, bytes))
     }
 

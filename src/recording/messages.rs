@@ -4,8 +4,8 @@
 
 use super::Clock;
 use crate::export::{GridPlacement, Surface};
-use crate::grid::{Observation, Rotation, from_xyzw};
-use crate::picture::Colour;
+use crate::grid::{Dims, Observation, Rotation, from_xyzw};
+use crate::picture::{Colour, MOST_UNSURE};
 use beo_ipc::text::from_field;
 use beo_ipc::{Hypothesis, Percept};
 use foxglove::messages::packed_element_field::NumericType;
@@ -61,10 +61,7 @@ fn colour(colour: Colour, alpha: f64) -> Color {
 
 fn pose(position: na::Point3<f64>, rotation: &Rotation) -> Pose {
     let [x, y, z, w] = rotation.coords.into();
-    Pose {
-        position: Some(Vector3 { x: position.x, y: position.y, z: position.z }),
-        orientation: Some(Quaternion { x, y, z, w }),
-    }
+    Pose { position: Some(Vector3 { x: position.x, y: position.y, z: position.z }), orientation: Some(Quaternion { x, y, z, w }) }
 }
 
 fn unturned(position: na::Point3<f64>) -> Pose {
@@ -72,24 +69,47 @@ fn unturned(position: na::Point3<f64>) -> Pose {
 }
 
 /// The voxels that were seen to be filled, in the grid's frame, with the grid's place as their pose.
-pub fn point_cloud(about: &About, observation: &Observation, placement: &GridPlacement) -> PointCloud {
+pub fn observed_points(about: &About, observation: &Observation, placement: &GridPlacement) -> PointCloud {
+    let seen = observation.filled().ones().map(|voxel| (voxel, Colour::KNOWN, [1.0, 0.0]));
+    point_cloud(about, observation.dims(), placement, seen)
+}
+
+/// The voxels of a completion that count as filled, for viewers that draw no surfaces: seen ones, and predicted ones, the paler the less
+/// sure.
+pub fn completed_points(about: &About, dims: Dims, occupancy: &[f32], deviation: &[f32], placement: &GridPlacement) -> PointCloud {
+    let filled = occupancy.iter().zip(deviation).enumerate().filter(|(_, (p, _))| **p >= 0.5).map(|(voxel, (p, sd))| {
+        let colour = if *sd == 0.0 { Colour::KNOWN } else { Colour::predicted(*sd) };
+        (voxel, colour, [*p, *sd])
+    });
+    point_cloud(about, dims, placement, filled)
+}
+
+/// Centres of voxels with their colours, occupancy probability and its standard deviation.
+fn point_cloud(
+    about: &About,
+    dims: Dims,
+    placement: &GridPlacement,
+    voxels: impl Iterator<Item = (usize, Colour, [f32; 2])>,
+) -> PointCloud {
     let own = GridPlacement { voxel_size_m: placement.voxel_size_m, ..GridPlacement::default() };
-    let points = crate::export::points_of(observation, &own);
-    let mut data = Vec::with_capacity(16 * points.len());
-    for point in &points {
-        point.position_m.iter().for_each(|side| data.extend((*side as f32).to_le_bytes()));
-        data.extend(point.rgb);
+    let mut data = Vec::new();
+    for (voxel, colour, values) in voxels {
+        let centre = own.place(dims, dims.coordinates(voxel).map(|side| side as f64 + 0.5));
+        centre.iter().for_each(|side| data.extend((*side as f32).to_le_bytes()));
+        data.extend(colour.rgb);
         data.push(u8::MAX);
+        values.iter().for_each(|value| data.extend(value.to_le_bytes()));
     }
     let field = |name: &str, offset, kind: NumericType| PackedElementField { name: name.into(), offset, r#type: kind.into() };
     let coordinates = ["x", "y", "z"].into_iter().zip((0..).step_by(4)).map(|(name, at)| field(name, at, NumericType::Float32));
     let colours = ["red", "green", "blue", "alpha"].into_iter().zip(12..).map(|(name, at)| field(name, at, NumericType::Uint8));
+    let values = ["probability", "deviation"].into_iter().zip([16, 20]).map(|(name, at)| field(name, at, NumericType::Float32));
     PointCloud {
         timestamp: Some(about.clock.timestamp(about.capture_ns)),
         frame_id: about.frame.clone(),
         pose: Some(pose(placement.position_m.into(), &placement.orientation)),
-        point_stride: 16,
-        fields: coordinates.chain(colours).collect(),
+        point_stride: 24,
+        fields: coordinates.chain(colours).chain(values).collect(),
         data: data.into(),
     }
 }
@@ -102,8 +122,8 @@ pub fn completion(about: &About, surface: &Surface) -> SceneUpdate {
         colors: surface
             .vertices
             .iter()
-            // A deviation of one half knows nothing: a quarter of the solid is left, so that it is seen at all.
-            .map(|v| colour(Colour::rgb(v.rgb[0], v.rgb[1], v.rgb[2]), 1.0 - 1.5 * f64::from(v.deviation.clamp(0.0, 0.5))))
+            // A quarter of the solid is left in any case, so that it is seen at all.
+            .map(|v| colour(Colour::rgb(v.rgb[0], v.rgb[1], v.rgb[2]), 1.0 - 0.75 * f64::from((v.deviation / MOST_UNSURE).clamp(0.0, 1.0))))
             .collect(),
         indices: surface.triangles.as_flattened().to_vec(),
         ..TriangleListPrimitive::default()

@@ -4,6 +4,7 @@
 //! | --- | --- | --- |
 //! | `/beo/observation` | foxglove.PointCloud | the voxels that were seen to be filled |
 //! | `/beo/completion` | foxglove.SceneUpdate | the surface of the completion, the more transparent the less sure |
+//! | `/beo/completion_points` | foxglove.PointCloud | its filled voxels, for viewers that draw no surfaces (Rerun) |
 //! | `/beo/object` | foxglove.SceneUpdate | class and probability as text, pose hypotheses as arrows, the object's box |
 //! | `/beo/pose` | foxglove.PoseInFrame | the most probable pose |
 //! | `/tf` | foxglove.FrameTransform | the object's frame in that of the sensor or the world |

@@ -1,8 +1,8 @@
 //! Which message goes where.
 
-use super::file::{Channel, McapFile, RecordError, Recorded, Times};
-use super::messages::{About, completion, frame_of, object, point_cloud, pose_in_frame, transform};
 use super::Clock;
+use super::file::{Channel, McapFile, RecordError, Recorded, Times};
+use super::messages::{About, completed_points, completion, frame_of, object, observed_points, pose_in_frame, transform};
 use crate::export::{GridPlacement, surface_of};
 use crate::grid::{Dims, Observation, from_xyzw};
 use beo_ipc::{CompletionFrame, CompletionHeader, ObservationHeader, Percept, PerceptStatus};
@@ -11,7 +11,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The topics of a recording.
-pub const TOPICS: [&str; 7] = ["/beo/observation", "/beo/completion", "/beo/object", "/beo/pose", "/tf", "/beo/log", "/beo/percept"];
+pub const TOPICS: [&str; 8] =
+    ["/beo/observation", "/beo/completion", "/beo/object", "/beo/pose", "/tf", "/beo/log", "/beo/percept", "/beo/completion_points"];
 
 /// What a percept is in JSON, as far as it is the same in every release.
 const PERCEPT_SCHEMA: &str = r#"{"title":"beo.Percept","type":"object","properties":{"sequence":{"type":"integer"},"latency_us":{"type":"number"},"class":{"type":["string","null"]},"posterior":{"type":"object","additionalProperties":{"type":"number"}},"hypotheses":{"type":"array","items":{"type":"object","properties":{"rotation":{"type":"array","items":{"type":"number"}},"class":{"type":"string"},"probability":{"type":"number"}}}},"rotation_spread_rad":{"type":"number"},"refused":{"type":"string"},"completion":{"type":["object","null"]}}}"#;
@@ -20,7 +21,7 @@ const PERCEPT_SCHEMA: &str = r#"{"title":"beo.Percept","type":"object","properti
 pub struct Recorder {
     file: McapFile,
     clock: Clock,
-    channels: [Channel; 7],
+    channels: [Channel; 8],
     /// Producers in the order of their first message: their numbers in the recording.
     producers: BTreeMap<u64, usize>,
     recorded: Recorded,
@@ -41,6 +42,7 @@ impl Recorder {
             file.channel::<FrameTransform>(TOPICS[4])?,
             file.channel::<Log>(TOPICS[5])?,
             file.json_channel(TOPICS[6], "beo.Percept", PERCEPT_SCHEMA)?,
+            file.channel::<PointCloud>(TOPICS[7])?,
         ];
         let mut notes = notes;
         notes.insert("monotonic_to_unix_ns".into(), clock.offset_ns().to_string());
@@ -62,7 +64,7 @@ impl Recorder {
 
     fn seen(&mut self, about: &About, seen: &Observation, placement: &GridPlacement, now_ns: u64) -> Result<(), RecordError> {
         self.recorded.observations += 1;
-        self.file.write(self.channels[0], self.times(about, now_ns), &point_cloud(about, seen, placement))
+        self.file.write(self.channels[0], self.times(about, now_ns), &observed_points(about, seen, placement))
     }
 
     /// A completion: its surface. With `seen_too`, its certain voxels are recorded as the observation: for when the observation itself
@@ -90,9 +92,11 @@ impl Recorder {
             self.seen(&about, &Observation::of_completion(dims, occupancy, deviation), &placement, now_ns)?;
         }
         let shares = |bytes: &[u8]| bytes.iter().map(|byte| f32::from(*byte) / 255.0).collect::<Vec<_>>();
-        let surface = surface_of(dims, &shares(occupancy), &shares(deviation), &placement);
+        let (occupancy, deviation) = (shares(occupancy), shares(deviation));
+        let (surface, times) = (surface_of(dims, &occupancy, &deviation, &placement), self.times(&about, now_ns));
         self.recorded.completions += 1;
-        self.file.write(self.channels[1], self.times(&about, now_ns), &completion(&about, &surface))
+        self.file.write(self.channels[7], times, &completed_points(&about, dims, &occupancy, &deviation, &placement))?;
+        self.file.write(self.channels[1], times, &completion(&about, &surface))
     }
 
     /// An answer; `label` stands at the object, `line` in the log, `json` is the answer in full.
