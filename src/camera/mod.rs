@@ -4,7 +4,9 @@
 //! | file | what |
 //! | --- | --- |
 //! | `carving` | a grid carved by all threads |
+//! | `simulation` | what a camera sees of a complete voxel object |
 
 mod carving;
+pub mod simulation;
 
 pub use carving::carve;

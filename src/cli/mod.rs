@@ -8,6 +8,7 @@ mod bench;
 mod demo;
 mod eval;
 mod failure;
+mod generate;
 mod inspect;
 mod logging;
 mod observe;
@@ -50,6 +51,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Train(train::Train),
+    Generate(generate::Generate),
     Inspect(inspect::Inspect),
     Perceive(perceive::Perceive),
     Serve(serve::Serve),
@@ -85,6 +87,7 @@ pub fn run() -> ExitCode {
     }
     let outcome = match arguments.command {
         Command::Train(command) => command.run(),
+        Command::Generate(command) => command.run(),
         Command::Inspect(command) => command.run(),
         Command::Perceive(command) => command.run(),
         Command::Serve(command) => command.run(),

@@ -50,8 +50,8 @@ pub struct Shown {
     poses: Vec<(Rotation, f64)>,
     pose: Option<Rotation>,
     placement: GridPlacement,
-    /// Name of the frame that the grid lies in, if it is said where.
-    frame: Option<String>,
+    /// Where the origin of the frame is that the grid lies in, in voxels from the grid's centre along its axes, and the frame's name.
+    origin: Option<([f64; 3], String)>,
     /// Centre and lengths of the object's box in voxels, as in the picture.
     object_box: Option<([f64; 3], [f64; 3])>,
     notes: Vec<String>,
@@ -96,9 +96,13 @@ impl Shown {
             (centre.into(), extent_m.map(|side| side / grid.voxel_size_m))
         });
         let is_placed = header.position_m != [0.0; 3];
-        let frame = is_placed.then(|| match from_field(&header.frame_id) {
-            "" => "sensor".to_owned(),
-            name => name.to_owned(),
+        let origin = is_placed.then(|| {
+            let name = match from_field(&header.frame_id) {
+                "" => "sensor",
+                name => name,
+            };
+            let from_centre = -Vector3::from(placement.position_m) / placement.voxel_size_m;
+            ((placement.orientation.inverse() * from_centre).into(), name.to_owned())
         });
         let mut notes = Vec::new();
         if searched {
@@ -129,14 +133,22 @@ impl Shown {
             },
             pose: Some(to_payload * completed),
             placement,
-            frame,
+            origin,
             object_box,
             notes,
         })
     }
 
-    /// The answer to a file, the `number`th, which was said nothing of but its voxels.
-    pub fn of_file(number: usize, name: &str, names: &[&str], observation: &Observation, percept: &perception::Percept) -> Self {
+    /// The answer to a file, the `number`th, of which nothing is said but its voxels and where the camera was, if there was one, in voxels
+    /// from the grid's centre.
+    pub fn of_file(
+        number: usize,
+        name: &str,
+        names: &[&str],
+        observation: &Observation,
+        camera: Option<Vector3<f64>>,
+        percept: &perception::Percept,
+    ) -> Self {
         let class = names.get(percept.class).copied().unwrap_or("?");
         let p = percept.posterior.get(percept.class).copied().unwrap_or(0.0);
         let searched = percept.spread > 0.0;
@@ -150,8 +162,8 @@ impl Shown {
             poses: if searched { percept.hypotheses.iter().map(|h| (h.rotation, h.probability)).collect() } else { Vec::new() },
             pose: Some(percept.rotation),
             placement: GridPlacement::default(),
-            frame: None,
-            object_box: None,
+            origin: camera.map(|camera| (camera.into(), "camera".into())),
+            object_box: percept.lay.map(|lay| (percept.placed.shift.into(), lay.extent)),
             notes: if searched { vec![describe_pose(&percept.rotation, percept.spread)] } else { Vec::new() },
         }
     }
@@ -159,10 +171,6 @@ impl Shown {
     /// Writes what is wanted of it.
     pub fn save(&self, wanted: &PictureArguments) -> Result<(), Failure> {
         if let Some(folder) = &wanted.png {
-            let origin = self.frame.clone().map(|name| {
-                let from_centre = -Vector3::from(self.placement.position_m) / self.placement.voxel_size_m;
-                ((self.placement.orientation.inverse() * from_centre).into(), name)
-            });
             let perceived = Perceived {
                 title: self.title.clone(),
                 observation: &self.observation,
@@ -171,7 +179,7 @@ impl Shown {
                 classes: self.classes.clone(),
                 poses: self.poses.clone(),
                 pose: self.pose,
-                origin,
+                origin: self.origin.clone(),
                 object_box: self.object_box,
                 notes: self.notes.clone(),
             };

@@ -63,10 +63,10 @@ impl Watch {
                     as_text(&percept, &completion, &status, read_ns)
                 };
                 say!("{line}");
-                if let Some(completion) = completion.as_ref().filter(|_| self.pictures.is_wanted()) {
-                    if drawings.send(Shown::of_answer(shown + 1, &percept, completion, &status)?).is_err() {
-                        break; // a picture could not be written: the thread's own error is reported below
-                    }
+                if let Some(completion) = completion.as_ref().filter(|_| self.pictures.is_wanted())
+                    && drawings.send(Shown::of_answer(shown + 1, &percept, completion, &status)?).is_err()
+                {
+                    break; // a picture could not be written: the thread's own error is reported below
                 }
                 shown += 1;
             }

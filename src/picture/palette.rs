@@ -15,11 +15,11 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// The colour of a value from 0 (dark blue) to 1 (yellow), equal steps looking equal; values outside are taken as these.
+/// The colour of a value from 0 (dark blue) to 1 (yellow), equal steps looking equal; values outside are taken as these, and what is
+/// not a number as 0.
 pub fn viridis(value: f32) -> Colour {
     let last = VIRIDIS.len() - 1;
-    // Not a number is taken as 0.
-    let place = value.max(0.0).min(1.0) * last as f32;
+    let place = if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) * last as f32 };
     let below = (place as usize).min(last - 1);
     let colour = |n: usize| Colour::rgb(VIRIDIS[n][0], VIRIDIS[n][1], VIRIDIS[n][2]);
     colour(below).mix(colour(below + 1), place - below as f32)

@@ -111,12 +111,12 @@ fn a_recording_holds_every_observation_and_answer_in_foxgloves_schemas() {
         let surface = &completions[n].entities[0];
         let triangles = &surface.triangles[0];
         assert_eq!(surface.id, format!("{object} completion"));
-        assert!(triangles.indices.len() > 100 && triangles.indices.len() % 3 == 0);
+        assert!(triangles.indices.len() > 100 && triangles.indices.len().is_multiple_of(3));
         assert_eq!(triangles.points.len(), triangles.colors.len());
         assert!(triangles.indices.iter().all(|corner| (*corner as usize) < triangles.points.len()));
         assert!(triangles.colors.iter().all(|colour| (0.0..=1.0).contains(&colour.a)));
         assert_eq!((clouds[n].point_stride, completed[n].point_stride), (24, 24));
-        assert!(!clouds[n].data.is_empty() && clouds[n].data.len() % 24 == 0);
+        assert!(!clouds[n].data.is_empty() && clouds[n].data.len().is_multiple_of(24));
         assert_eq!(completed[n].data.len() as u64, 24 * percept["completion"]["filled"].as_u64().unwrap());
     }
 }
@@ -147,7 +147,7 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
         let topics = messages(&out);
         let clouds = decoded::<PointCloud>(&topics["/beo/observation"]);
         assert_eq!(clouds[0].frame_id, "camera");
-        let pose = clouds[0].pose.clone().unwrap().position.unwrap();
+        let pose = clouds[0].pose.unwrap().position.unwrap();
         assert_eq!([pose.x, pose.y, pose.z], [0.5, -0.25, 1.0]);
         // The highest layer of the block is the ninth of 16 voxels of a centimetre: its centre is half a voxel above the grid's.
         let z = |point: &[u8]| f32::from_le_bytes(point[8..12].try_into().unwrap());
