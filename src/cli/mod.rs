@@ -3,6 +3,7 @@
 #[macro_use]
 mod output;
 
+mod answers;
 mod bench;
 mod camera;
 mod demo;
@@ -13,7 +14,9 @@ mod inspect;
 mod logging;
 mod observe;
 mod perceive;
+mod pictures;
 mod progress;
+mod record;
 mod reload;
 mod serve;
 mod shapes;
@@ -58,6 +61,7 @@ enum Command {
     Observe(observe::Observe),
     Camera(camera::Camera),
     Watch(watch::Watch),
+    Record(record::Record),
     Demo(demo::Demo),
     Eval(eval::Eval),
     Bench(bench::Bench),
@@ -94,6 +98,7 @@ pub fn run() -> ExitCode {
         Command::Observe(command) => command.run(),
         Command::Camera(command) => command.run(),
         Command::Watch(command) => command.run(),
+        Command::Record(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Eval(command) => command.run(),
         Command::Bench(command) => command.run(),
