@@ -15,7 +15,7 @@ pub struct Placement {
     pub share: f64,
     /// The object's longest side, metres, if it is known: then the grid is as big as it is for training shapes.
     pub known_side_m: Option<f64>,
-    /// Fewest readings.
+    /// Fewest readings; 0 counts as 1.
     pub least_readings: usize,
 }
 
@@ -74,15 +74,16 @@ pub fn place(
 ) -> Result<Grid, PlacementError> {
     let pixels: Vec<usize> =
         (0..frame.labels().len()).filter(|pixel| frame.label(*pixel) == object && frame.depth(*pixel).is_some()).collect();
-    if pixels.len() < placement.least_readings {
-        return Err(PlacementError::TooFew { object, found: pixels.len(), least: placement.least_readings });
+    let least = placement.least_readings.max(1);
+    if pixels.len() < least {
+        return Err(PlacementError::TooFew { object, found: pixels.len(), least });
     }
     let stride = pixels.len().div_ceil(MOST_POINTS);
     let points_of = |keep: &dyn Fn(usize) -> bool| -> Vec<Point3<f64>> {
         pixels.iter().step_by(stride).filter(|pixel| keep(**pixel)).filter_map(|pixel| frame.point(*pixel)).collect()
     };
     let mut points = points_of(&|pixel| has_neighbours(frame, sensor, pixel));
-    if points.len() < placement.least_readings {
+    if points.len() < least {
         points = points_of(&|_| true);
     }
     let middle = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / points.len() as f64;

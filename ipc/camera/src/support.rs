@@ -122,7 +122,8 @@ fn least_squares(points: &[Point3<f64>]) -> Option<Plane> {
         let d = p.coords - mean;
         sum + d * d.transpose()
     });
-    let eigen = SymmetricEigen::new(scatter);
+    // Points beyond all measure have no scatter; without a limit, the iteration would not end on what is not a number.
+    let eigen = SymmetricEigen::try_new(scatter, f64::EPSILON, 100)?;
     let least = eigen.eigenvalues.imin();
     let normal = Unit::try_new(eigen.eigenvectors.column(least).into_owned(), 1e-12)?;
     Some(towards_camera(normal, &Point3::from(mean)))
@@ -131,7 +132,7 @@ fn least_squares(points: &[Point3<f64>]) -> Option<Plane> {
 /// What is up in the camera frame, by gravity (the direction in which things fall) or by the plane that things stand on.
 pub fn up_axis(gravity: Option<Vector3<f64>>, support: Option<&Plane>) -> Option<Unit<Vector3<f64>>> {
     match gravity {
-        Some(gravity) => Unit::try_new(-gravity, 1e-9),
+        Some(gravity) => Unit::try_new(-gravity, 1e-9).filter(|up| up.iter().all(|value| value.is_finite())),
         None => support.map(Plane::normal),
     }
 }
