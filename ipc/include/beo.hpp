@@ -248,6 +248,9 @@ inline Span<const Hypothesis> hypotheses(const Percept &percept) noexcept {
     return {percept.hypotheses, count < BEO_MAX_HYPOTHESES ? count : std::size_t{BEO_MAX_HYPOTHESES}};
 }
 
+// Whether a percept says how big the object is: object_position_m is then its box's centre, object_extent_m the box's sides.
+inline bool has_box(const Percept &percept) noexcept { return percept.status == BEO_PERCEPT_STATUS_OK && percept.object_extent_m[0] > 0; }
+
 // A header for a grid of these dims, with everything else as beo_observation_header_init has it.
 inline Result<ObservationHeader> observation_header(std::array<std::uint32_t, 3> dims) {
     ObservationHeader header;
