@@ -18,11 +18,11 @@ use nalgebra::{Isometry3, Point3, Quaternion, Translation3, Unit, UnitQuaternion
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn beo_depth_from_u16(depth: *const u16, count: usize, scale_m: f64, depth_m: *mut f32) -> Outcome {
     guard(|| {
-        // SAFETY: NULL, or as many readable and writable numbers as the caller promises.
-        let (depth, metres) = unsafe { (numbers(depth, count, "depth")?, numbers_mut(depth_m, count, "depth_m")?) };
         if !(scale_m.is_finite() && scale_m > 0.0) {
             return Err(invalid(format!("`scale_m` is {scale_m}: it must be positive and finite, 0.001 for millimetres")));
         }
+        // SAFETY: NULL, or as many readable and writable numbers as the caller promises.
+        let (depth, metres) = unsafe { (numbers(depth, count, "depth")?, numbers_mut(depth_m, count, "depth_m")?) };
         metres.iter_mut().zip(depth).for_each(|(metres, depth)| *metres = (f64::from(*depth) * scale_m) as f32);
         Ok(Outcome::Ok)
     })

@@ -99,15 +99,18 @@ pub(crate) unsafe fn numbers<'a, T: Copy>(pointer: *const T, len: usize, name: &
     Ok(unsafe { std::slice::from_raw_parts(pointer, len) })
 }
 
-/// The numbers at `pointer`, to be written.
+/// The numbers at `pointer`, to be written: zeros, as memory that C has just allocated may hold nothing yet.
 ///
 /// # Safety
-/// `T` is a plain number. `pointer` is NULL or points to `len` of them, writable and set, that nobody else uses as long as the result is
+/// `T` is a plain number. `pointer` is NULL or points to room for `len` of them, writable, that nobody else uses as long as the result is
 /// used.
 pub(crate) unsafe fn numbers_mut<'a, T: Copy>(pointer: *mut T, len: usize, name: &str) -> Result<&'a mut [T], Failure> {
     check(pointer, len, name)?;
-    // SAFETY: not NULL and aligned, so `len` writable numbers, as promised, and no more than isize::MAX bytes.
-    Ok(unsafe { std::slice::from_raw_parts_mut(pointer, len) })
+    // SAFETY: not NULL and aligned, so room for `len` numbers, as promised, and no more than isize::MAX bytes; 0 is a number.
+    Ok(unsafe {
+        pointer.write_bytes(0, len);
+        std::slice::from_raw_parts_mut(pointer, len)
+    })
 }
 
 fn check<T>(pointer: *const T, len: usize, name: &str) -> Result<(), Failure> {
