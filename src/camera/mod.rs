@@ -4,7 +4,9 @@
 //! | file | what |
 //! | --- | --- |
 //! | `carving` | a grid carved by all threads |
+//! | `synthetic` | a camera that renders depth of meshes and voxels, with a sensor's faults |
 
 mod carving;
+pub mod synthetic;
 
 pub use carving::carve;
