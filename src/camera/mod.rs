@@ -4,9 +4,11 @@
 //! | file | what |
 //! | --- | --- |
 //! | `carving` | a grid carved by all threads |
+//! | `simulation` | what a camera sees of a complete voxel object |
 //! | `synthetic` | a camera that renders depth of meshes and voxels, with a sensor's faults |
 
 mod carving;
+pub mod simulation;
 pub mod synthetic;
 
 pub use carving::carve;

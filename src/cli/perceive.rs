@@ -2,7 +2,7 @@
 
 use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
-use super::shapes::{MeshArguments, ViewArgument};
+use super::shapes::{CameraArguments, MeshArguments, ViewArgument};
 use crate::grid::{Rotation, to_xyzw, yaw_of};
 use crate::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
 use clap::Args;
@@ -44,6 +44,8 @@ pub struct Perceive {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    camera: CameraArguments,
+    #[command(flatten)]
     mesh: MeshArguments,
 }
 
@@ -63,16 +65,17 @@ pub fn describe_pose(rotation: &Rotation, spread: f64) -> String {
 impl Perceive {
     /// Runs the command. Files that cannot be answered are named; the others are answered all the same.
     pub fn run(self) -> Result<(), Failure> {
-        if !self.turn.is_finite() || self.turn != 0.0 && self.view != ViewArgument::Top {
-            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top)", self.turn)));
+        if !self.turn.is_finite() || self.turn != 0.0 && self.view == ViewArgument::None {
+            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top or camera)", self.turn)));
         }
         let perceiver = Perceiver::open(&self.model)?;
         let model = perceiver.model().clone();
         let read = self.mesh.read_options(model.dims())?;
         let names: Vec<&str> = model.class_names().collect();
-        let query = Query {
+        let mut query = Query {
             method: self.method,
             view: self.view.view(),
+            outside: self.view.outside(),
             log_prior: self.prior.log_prior(&perceiver),
             completion: true,
             pose: self.pose.search(self.yaw_span)?,
@@ -82,7 +85,8 @@ impl Perceive {
         let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
         let mut failed = 0;
         for file in &self.files {
-            let answer = self.view.source(file, &read).and_then(|source| {
+            let answer = self.view.source(file, &read, &self.camera).and_then(|source| {
+                query.camera = source.camera();
                 let observation = source.turned_by(self.turn.to_radians());
                 perceiver.classify(&observation, &query, &mut work, &mut percept)?;
                 perceiver.complete(&query, &mut work, &mut percept)?;
