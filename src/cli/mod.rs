@@ -3,6 +3,7 @@
 #[macro_use]
 mod output;
 
+mod answers;
 mod bench;
 mod demo;
 mod eval;
@@ -12,7 +13,9 @@ mod inspect;
 mod logging;
 mod observe;
 mod perceive;
+mod pictures;
 mod progress;
+mod record;
 mod reload;
 mod serve;
 mod shapes;
@@ -56,6 +59,7 @@ enum Command {
     Reload(reload::Reload),
     Observe(observe::Observe),
     Watch(watch::Watch),
+    Record(record::Record),
     Demo(demo::Demo),
     Eval(eval::Eval),
     Bench(bench::Bench),
@@ -91,6 +95,7 @@ pub fn run() -> ExitCode {
         Command::Reload(command) => command.run(),
         Command::Observe(command) => command.run(),
         Command::Watch(command) => command.run(),
+        Command::Record(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Eval(command) => command.run(),
         Command::Bench(command) => command.run(),
