@@ -1,8 +1,7 @@
-//! Objects of voxels, each an exact cube, by walking every ray through the grid (Amanatides and Woo, "A fast voxel traversal algorithm for
-//! ray tracing", 1987).
+//! Objects of voxels, each an exact cube.
 
 use super::{DepthImage, SyntheticCamera};
-use crate::grid::Occupancy;
+use crate::grid::{Occupancy, RayCaster};
 use beo_camera::Grid;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -15,102 +14,23 @@ use rayon::prelude::*;
 pub fn depth_of_occupancy(camera: &SyntheticCamera, object: &Occupancy, grid: &Grid, label: u16) -> DepthImage {
     assert_eq!(<[usize; 3]>::from(object.dims()), grid.dims(), "the object's grid");
     let mut image = DepthImage::empty(*camera.intrinsics());
-    let Some(walk) = Walk::new(object, grid) else { return image };
+    let Some(caster) = RayCaster::new(object) else { return image };
+    // The camera frame in voxels, from the grid's corner.
+    let half = Vector3::from(grid.dims().map(|side| side as f64 / 2.0));
+    let eye = Point3::from(grid.camera().coords / grid.voxel_size_m() + half);
+    let turn = grid.grid_to_camera().rotation.inverse().to_rotation_matrix().into_inner() / grid.voxel_size_m();
     let width = camera.intrinsics().width() as usize;
     let (depth, labels) = image.parts_mut();
     let rows = depth.par_chunks_exact_mut(width).zip(labels.par_chunks_exact_mut(width)).zip(camera.rays().par_chunks_exact(width));
     rows.for_each(|((depth, labels), rays)| {
         for (n, [x, y]) in rays.iter().enumerate() {
-            if let Some(hit) = walk.depth(&Vector3::new(*x, *y, 1.0)) {
+            // In lengths of the ray, whose z is 1 in the camera frame.
+            if let Some(hit) = caster.hit(&eye, &(turn * Vector3::new(*x, *y, 1.0))).filter(|hit| *hit > 0.0) {
                 (depth[n], labels[n]) = (hit as f32, label);
             }
         }
     });
     image
-}
-
-/// The object in voxel units, (0, 0, 0) being the grid's corner.
-struct Walk<'a> {
-    object: &'a Occupancy,
-    /// Voxels that contain all filled ones: first and last along each axis.
-    first: [usize; 3],
-    last: [usize; 3],
-    eye: Point3<f64>,
-    /// Directions of the camera frame in voxel units.
-    turn: nalgebra::Matrix3<f64>,
-}
-
-impl<'a> Walk<'a> {
-    /// `None` for an object without voxels.
-    fn new(object: &'a Occupancy, grid: &Grid) -> Option<Self> {
-        let dims = object.dims();
-        let (mut first, mut last) = ([usize::MAX; 3], [0; 3]);
-        for voxel in object.bits().ones().map(|v| dims.coordinates(v)) {
-            first = [0, 1, 2].map(|axis| first[axis].min(voxel[axis]));
-            last = [0, 1, 2].map(|axis| last[axis].max(voxel[axis]));
-        }
-        if first[0] > last[0] {
-            return None;
-        }
-        let half = Vector3::from(grid.dims().map(|side| side as f64 / 2.0));
-        let eye = Point3::from(grid.camera().coords / grid.voxel_size_m() + half);
-        let turn = grid.grid_to_camera().rotation.inverse().to_rotation_matrix().into_inner() / grid.voxel_size_m();
-        Some(Self { object, first, last, eye, turn })
-    }
-
-    /// Depth (in lengths of `ray`, whose z is 1) at which the ray enters the first filled voxel.
-    fn depth(&self, ray: &Vector3<f64>) -> Option<f64> {
-        let ray = self.turn * ray;
-        // Where the ray is within the box of filled voxels.
-        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
-        for axis in 0..3 {
-            let (low, high) = (self.first[axis] as f64, self.last[axis] as f64 + 1.0);
-            if ray[axis] == 0.0 {
-                if !(low..high).contains(&self.eye[axis]) {
-                    return None;
-                }
-                continue;
-            }
-            let (a, b) = ((low - self.eye[axis]) / ray[axis], (high - self.eye[axis]) / ray[axis]);
-            (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
-        }
-        if enter >= leave {
-            return None;
-        }
-        let at = self.eye + ray * enter;
-        let mut voxel = [0, 1, 2].map(|axis| (at[axis].floor().max(0.0) as usize).clamp(self.first[axis], self.last[axis]));
-        // Where the ray crosses into the next voxel along each axis, and how far on the one after that is.
-        let boundary = |axis: usize, voxel: usize| (voxel + usize::from(ray[axis] > 0.0)) as f64;
-        let mut crossing = [0, 1, 2].map(|axis| match ray[axis] {
-            0.0 => f64::INFINITY,
-            along => (boundary(axis, voxel[axis]) - self.eye[axis]) / along,
-        });
-        loop {
-            let [i, j, k] = voxel;
-            if self.object.is_filled(i, j, k) {
-                return (enter > 0.0).then_some(enter);
-            }
-            let axis = if crossing[0] <= crossing[1] && crossing[0] <= crossing[2] {
-                0
-            } else if crossing[1] <= crossing[2] {
-                1
-            } else {
-                2
-            };
-            let end = if ray[axis] > 0.0 { self.last[axis] } else { self.first[axis] };
-            if voxel[axis] == end {
-                return None;
-            }
-            enter = crossing[axis];
-            if ray[axis] > 0.0 {
-                voxel[axis] += 1
-            } else {
-                voxel[axis] -= 1
-            }
-            // Computed anew, so that errors do not add up.
-            crossing[axis] = (boundary(axis, voxel[axis]) - self.eye[axis]) / ray[axis];
-        }
-    }
 }
 
 #[cfg(test)]
