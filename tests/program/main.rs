@@ -1,6 +1,7 @@
 //! The program as its users run it: real processes, real shared memory.
 
 mod bench;
+mod camera;
 mod client;
 mod faults;
 mod full_pose;
