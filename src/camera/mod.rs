@@ -10,6 +10,8 @@
 //! | `folder`, `captured` | the frames of a folder |
 //! | `image`, `png_image`, `npy_image`, `tiff_image` | images of depth and labels |
 //! | `camera_info`, `scene_camera`, `trajectory` | what is known of the camera: ROS, BOP, TUM |
+//! | `simulation` | what a camera sees of a complete voxel object |
+//! | `synthetic` | a camera that renders depth of meshes and voxels, with a sensor's faults |
 //!
 //! Every `parse_*` function takes untrusted bytes: it neither panics nor allocates more than a small multiple of their number and of the
 //! image that they hold.
@@ -25,6 +27,8 @@ mod image;
 mod npy_image;
 mod png_image;
 mod scene_camera;
+pub mod simulation;
+pub mod synthetic;
 mod tiff_image;
 mod trajectory;
 
