@@ -19,7 +19,6 @@
 mod camera_info;
 mod captured;
 mod carving;
-pub mod simulation;
 mod folder;
 mod fused;
 mod grids;

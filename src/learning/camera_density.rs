@@ -159,7 +159,13 @@ fn feature_basis(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u64) -> 
 }
 
 /// Densities from one in `share` of the views.
-fn fit(classes: &[Vec<&Occupancy>], elevations: &[f64], features: &Features, seed: u64, share: usize) -> Result<CameraDensities, LinearError> {
+fn fit(
+    classes: &[Vec<&Occupancy>],
+    elevations: &[f64],
+    features: &Features,
+    seed: u64,
+    share: usize,
+) -> Result<CameraDensities, LinearError> {
     let size = features.size;
     let mut densities = CameraDensities {
         elevations: elevations.to_vec(),
