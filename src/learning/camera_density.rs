@@ -1,8 +1,8 @@
 //! Densities of what cameras see of upright objects, by elevation and yaw.
 //!
 //! Per class and learned elevation, many shapes are seen by a simulated camera near that elevation, turned by all steps of yaw, each a
-//! little off; from varied distances, with noise, with and without a table, a strip without readings, something in front. The hull
-//! features of what is carved, in the view's frame, get a Gaussian, and how exactly the object lies a regression on them. How sure the
+//! little off; from varied distances, with noise, with and without a table, a strip without readings, something in front. The
+//! features of the shadow of what is carved, in the view's frame, get a Gaussian, and how exactly the object lies a regression on them. How sure the
 //! densities may be of class and yaw is fitted on shapes that are left out at first.
 
 use super::calibration::fit_blend;
@@ -12,7 +12,7 @@ use crate::camera::simulation::{Conditions, Eye, View};
 use crate::grid::{Dims, Observation, Occupancy, Placed, Rotation, yaw};
 use crate::linear::LinearError;
 use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
-use crate::perception::camera::{CELLS, CameraScores, Told, ViewFrame, ViewWork};
+use crate::perception::camera::{CELLS, CameraScores, Shadow, ShadowImage, Told, ViewFrame, ViewWork};
 use faer::Mat;
 use half::f16;
 use nalgebra::Vector3;
@@ -148,7 +148,7 @@ fn feature_basis(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u64) -> 
             let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
             let mut hull = vec![0.0; CELLS];
             if let Some(sample) = see(shapes[view * shapes.len() / count], rng.random_range(0.0..TAU), elevation, &mut rng) {
-                sample.frame.hull(&sample.observation, &mut hull);
+                sample.frame.shadow(&sample.observation, &mut ShadowImage::default(), &mut hull);
             }
             hull
         })
@@ -183,7 +183,7 @@ fn fit(
         let moments: Vec<Vec<Moments>> = (0..YAWS)
             .into_par_iter()
             .map(|step| {
-                let (mut hull, mut z) = (Vec::new(), Vec::new());
+                let (mut shadow, mut z) = (Shadow::default(), Vec::new());
                 let of_class = |(s, shapes): (usize, &Vec<&Occupancy>)| {
                     let count = shapes.len().clamp(VIEW_BOUNDS.0, VIEW_BOUNDS.1) / share;
                     let mut rng = stream(seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
@@ -196,7 +196,7 @@ fn fit(
                         let turned = CameraDensities::yaw(step) + around(WINDOW * TAU / YAWS as f64, &mut rng);
                         let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
                         if let Some(sample) = see(object, turned, elevation, &mut rng) {
-                            scores.features(&sample.frame, &sample.observation, &mut hull, &mut z);
+                            scores.features(&sample.frame, &sample.observation, &mut shadow, &mut z);
                             rows.extend_from_slice(&z);
                             offsets.push(sample.offsets(object, step));
                         }
