@@ -18,13 +18,15 @@
 //!
 //! Imports run one way: [`grid`] ← [`shapes`], [`model`] ← [`perception`] ← [`learning`] (whose calibration scores held-out
 //! objects as queries are scored), [`evaluation`], [`service`] ← [`benchmark`] ← [`cli`]. [`picture`] draws what the last ones show,
-//! [`linear`] wraps the factorisations, [`memory`] says how much may be taken, and [`process`] starts other processes. Only [`service`], [`benchmark`] and the subcommands know
-//! of shared memory (the crate `beo_ipc`).
+//! [`export`] writes it for other programs' viewers, and [`recording`] what a daemon answers; [`linear`] wraps the factorisations, [`memory`]
+//! says how much may be taken, and [`process`] starts other processes. Only [`service`], [`benchmark`], [`recording`] and the subcommands
+//! know of the messages in shared memory (the crate `beo_ipc`).
 
 pub mod benchmark;
 pub mod camera;
 pub mod cli;
 pub mod evaluation;
+pub mod export;
 pub mod grid;
 pub mod learning;
 pub mod linear;
@@ -33,5 +35,6 @@ pub mod model;
 pub mod perception;
 pub mod picture;
 pub mod process;
+pub mod recording;
 pub mod service;
 pub mod shapes;

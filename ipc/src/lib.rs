@@ -1,6 +1,7 @@
 //! Channels of the beo daemon over shared memory (iceoryx2): message layouts, service names, and the three roles.
 //!
-//! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends
+//! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends; [`ObservationReader`]:
+//!   reads observations beside it, for recorders
 //! - [`reconnect`]: the same two clients' ends, outliving the daemon
 //! - [`control`]: small calls to the daemon, each with an answer
 //! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data
@@ -27,6 +28,7 @@ pub mod memory;
 pub mod messages;
 pub mod names;
 pub mod node;
+mod observation_reader;
 mod orphans;
 mod peers;
 mod producer;
@@ -43,6 +45,7 @@ pub use control::{ReloadCall, ReloadError, request_reload};
 pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 pub use messages::{ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, ObservationHeader, Percept, Status};
 pub use names::{InstanceName, InstanceNameError};
+pub use observation_reader::ObservationReader;
 pub use producer::{Loan, Producer, Sent};
 pub use reconnect::{ReconnectingProducer, ReconnectingSubscriber, Waited};
 pub use server::{CompletionLoan, Observation, Server, ServerOptions};

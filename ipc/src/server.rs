@@ -165,10 +165,7 @@ impl Server {
     // Across crates too: else every look that finds nothing moves the room of a whole observation, a third of a microsecond in all.
     #[inline]
     pub fn receive(&self) -> Result<Option<Observation>, ReceiveError> {
-        let Some(sample) = self.observations.receive().map_err(channel::receive_error)? else { return Ok(None) };
-        let header = copy_of(sample.user_header());
-        let payload_len = usize::try_from(sample.header().number_of_elements()).unwrap_or(usize::MAX);
-        Ok(Some(Observation { header, payload_len, sample }))
+        Ok(self.observations.receive().map_err(channel::receive_error)?.map(Observation::new))
     }
 
     /// The next call for another model; to be looked for now and then, as it comes without a wake-up.
@@ -259,6 +256,13 @@ pub struct Observation {
 }
 
 impl Observation {
+    #[inline]
+    pub(crate) fn new(sample: Sample<Ipc, [u8], ObservationHeader>) -> Self {
+        let header = copy_of(sample.user_header());
+        let payload_len = usize::try_from(sample.header().number_of_elements()).unwrap_or(usize::MAX);
+        Self { header, payload_len, sample }
+    }
+
     /// The header, copied once.
     pub fn header(&self) -> &ObservationHeader {
         &self.header

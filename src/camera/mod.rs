@@ -5,10 +5,13 @@
 //! | --- | --- |
 //! | `grids` | from a frame to the grids of its objects |
 //! | `carving` | a grid carved by all threads |
+//! | `simulation` | what a camera sees of a complete voxel object |
 //! | `fused` | several views of objects that do not move |
 //! | `folder`, `captured` | the frames of a folder |
 //! | `image`, `png_image`, `npy_image`, `tiff_image` | images of depth and labels |
 //! | `camera_info`, `scene_camera`, `trajectory` | what is known of the camera: ROS, BOP, TUM |
+//! | `simulation` | what a camera sees of a complete voxel object |
+//! | `synthetic` | a camera that renders depth of meshes and voxels, with a sensor's faults |
 //!
 //! Every `parse_*` function takes untrusted bytes: it neither panics nor allocates more than a small multiple of their number and of the
 //! image that they hold.
@@ -23,6 +26,8 @@ mod image;
 mod npy_image;
 mod png_image;
 mod scene_camera;
+pub mod simulation;
+pub mod synthetic;
 mod tiff_image;
 mod trajectory;
 

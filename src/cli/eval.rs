@@ -2,11 +2,11 @@
 
 use super::failure::{Failure, cannot_write};
 use super::progress;
-use super::shapes::{self, MeshArguments, ViewArgument};
+use super::shapes::{self, CAMERA_DISTANCE, MeshArguments, ViewArgument};
 use crate::evaluation::figures::{self, Example};
-use crate::evaluation::{Evaluation, Protocol, evaluate, evaluate_icp, sample, table};
+use crate::evaluation::{Evaluation, Protocol, Viewpoint, evaluate, evaluate_icp, sample, table};
 use crate::perception::{Method, PaperPose, Perceiver, PoseSearch, Projection, Query};
-use crate::shapes::library::LoadOptions;
+use crate::shapes::library::{LoadOptions, Shape};
 use clap::{Args, ValueEnum};
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -49,6 +49,21 @@ pub struct Eval {
     /// View of the objects
     #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
     view: ViewArgument,
+    /// With --view camera, its heights above the horizontal, separated by commas: all queries for each
+    #[arg(long, value_delimiter = ',', default_values_t = [30.0], value_name = "DEGREES")]
+    elevation: Vec<f64>,
+    /// With --view camera, from so many directions around each object, one query each
+    #[arg(long, default_value_t = 8, value_name = "N")]
+    azimuths: usize,
+    /// With --view camera, its distance in longest sides of the object
+    #[arg(long, default_value_t = CAMERA_DISTANCE, value_name = "TIMES")]
+    distance: f64,
+    /// With --view camera, fuse so many views from around the object before asking; several numbers, separated by commas: all queries for each
+    #[arg(long, value_delimiter = ',', default_values_t = [1], value_name = "VIEWS")]
+    fuse: Vec<usize>,
+    /// With --view camera, lay the grid about what is visible, and have size and place found
+    #[arg(long)]
+    find_size: bool,
     /// Answer a sample of this many, classes in proportion
     #[arg(long, value_name = "N")]
     limit: Option<usize>,
@@ -155,11 +170,39 @@ impl PriorArgument {
 }
 
 impl Eval {
+    /// From where objects are seen.
+    fn viewpoints(&self) -> Result<Vec<Viewpoint>, Failure> {
+        let usage = |line: String| Err(Failure::Usage(line));
+        match self.view {
+            ViewArgument::None => return usage("--view none: evaluation needs complete shapes; use --view top or --view camera".into()),
+            ViewArgument::Top => return Ok(vec![Viewpoint::Top]),
+            ViewArgument::Camera => (),
+        }
+        if self.elevation.is_empty() || !self.elevation.iter().all(|e| (-90.0..=90.0).contains(e)) {
+            return usage("--elevation: use angles from -90 to 90 degrees".into());
+        }
+        if !(1..=360).contains(&self.azimuths) || self.fuse.is_empty() || !self.fuse.iter().all(|views| (1..=64).contains(views)) {
+            return usage("--azimuths, --fuse: use 1 to 360 directions, and 1 to 64 views".into());
+        }
+        if !(1.0..=1000.0).contains(&self.distance) {
+            return usage(format!("--distance {}: use 1 to 1000 times the object's longest side", self.distance));
+        }
+        if self.icp || self.pose as u8 == PoseArgument::Full as u8 && self.find_size {
+            return usage("--view camera: --icp is for views from above, and --find-size for upright objects (--pose known or yaw)".into());
+        }
+        let viewpoint = |elevation_deg: &f64, fused: &usize| Viewpoint::Camera {
+            elevation_deg: *elevation_deg,
+            azimuths: self.azimuths,
+            distance: self.distance,
+            fused: *fused,
+            scale_search: self.find_size,
+        };
+        Ok(self.elevation.iter().flat_map(|e| self.fuse.iter().map(move |f| viewpoint(e, f))).collect())
+    }
+
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
-        let Some(view) = self.view.view() else {
-            return Err(Failure::Usage("--view none: evaluation needs complete shapes; use --view top".into()));
-        };
+        let viewpoints = self.viewpoints()?;
         let pose = self.pose.search(self.yaw_span)?;
         if self.icp && pose == PoseSearch::Known {
             return Err(Failure::Usage("--icp: in known pose there is nothing to align; give --pose yaw or --pose full".into()));
@@ -189,12 +232,15 @@ impl Eval {
             })
             .collect::<Result<Vec<_>, _>>()?;
         let chosen = sample(&shapes, self.limit, self.seed);
-        let protocol = Protocol { view, seed: self.seed, known_class: self.known_class };
+        let protocols: Vec<Protocol> =
+            viewpoints.iter().map(|viewpoint| Protocol { viewpoint: *viewpoint, seed: self.seed, known_class: self.known_class }).collect();
+        // The same queries for each viewpoint: every object as often as it is seen.
+        let chosen: Vec<&Shape> = chosen.into_iter().flat_map(|shape| std::iter::repeat_n(shape, viewpoints[0].azimuths())).collect();
         let mut evaluations: Vec<Evaluation> = Vec::new();
         // Only the queries that are drawn are kept, as the first method answers them.
         let drawn = if self.png.is_some() { figures::spread(chosen.len(), figures::EXAMPLES) } else { Vec::new() };
         let mut examples: Vec<Example> = Vec::new();
-        for (m, method) in self.method.iter().enumerate() {
+        for (m, (method, protocol)) in self.method.iter().flat_map(|m| protocols.iter().map(move |p| (m, p))).enumerate() {
             let query = Query {
                 method: *method,
                 pose,
@@ -205,7 +251,7 @@ impl Eval {
             };
             let bar = progress::bar(chosen.len(), "answering");
             let mut answered = 0;
-            let evaluation = evaluate(&perceiver, &chosen, &classes, &query, &protocol, |object, truth, observation, percept| {
+            let evaluation = evaluate(&perceiver, &chosen, &classes, &query, protocol, |object, truth, observation, percept| {
                 if m == 0 && drawn.contains(&answered) {
                     examples.push(Example::new(&names, truth, object, observation, percept));
                 }
@@ -218,7 +264,7 @@ impl Eval {
         let mut icp = Vec::new();
         if self.icp {
             let bar = progress::bar(2 * chosen.len(), "aligning by ICP");
-            icp = evaluate_icp(&perceiver, &chosen, &classes, pose, &protocol, || bar.inc(1));
+            icp = evaluate_icp(&perceiver, &chosen, &classes, pose, &protocols[0], || bar.inc(1));
             bar.finish_and_clear();
         }
         say!("{}", table(&evaluations, &icp).trim_end());

@@ -3,16 +3,20 @@
 #[macro_use]
 mod output;
 
+mod answers;
 mod bench;
 mod camera;
 mod demo;
 mod eval;
 mod failure;
+mod generate;
 mod inspect;
 mod logging;
 mod observe;
 mod perceive;
+mod pictures;
 mod progress;
+mod record;
 mod reload;
 mod serve;
 mod shapes;
@@ -48,6 +52,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Train(train::Train),
+    Generate(generate::Generate),
     Inspect(inspect::Inspect),
     Perceive(perceive::Perceive),
     Serve(serve::Serve),
@@ -56,6 +61,7 @@ enum Command {
     Observe(observe::Observe),
     Camera(camera::Camera),
     Watch(watch::Watch),
+    Record(record::Record),
     Demo(demo::Demo),
     Eval(eval::Eval),
     Bench(bench::Bench),
@@ -83,6 +89,7 @@ pub fn run() -> ExitCode {
     }
     let outcome = match arguments.command {
         Command::Train(command) => command.run(),
+        Command::Generate(command) => command.run(),
         Command::Inspect(command) => command.run(),
         Command::Perceive(command) => command.run(),
         Command::Serve(command) => command.run(),
@@ -91,6 +98,7 @@ pub fn run() -> ExitCode {
         Command::Observe(command) => command.run(),
         Command::Camera(command) => command.run(),
         Command::Watch(command) => command.run(),
+        Command::Record(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Eval(command) => command.run(),
         Command::Bench(command) => command.run(),

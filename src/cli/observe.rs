@@ -2,7 +2,7 @@
 
 use super::eval::PoseArgument;
 use super::failure::Failure;
-use super::shapes::{MeshArguments, Source, ViewArgument};
+use super::shapes::{CameraArguments, MeshArguments, Source, ViewArgument};
 use super::stop;
 use crate::grid::Dims;
 use beo_ipc::{InstanceName, ObservationHeader, PoseSearch, Producer, Status, Subscriber, SubscriberOptions};
@@ -42,6 +42,8 @@ pub struct Observe {
     #[arg(long, default_value_t = 10.0, value_name = "SECONDS")]
     wait: f64,
     #[command(flatten)]
+    camera: CameraArguments,
+    #[command(flatten)]
     mesh: MeshArguments,
 }
 
@@ -54,8 +56,8 @@ impl Observe {
         if !(self.rate > 0.0 && self.rate <= 1e6) {
             return Err(Failure::Usage(format!("--rate {}: use a number above 0, at most 1000000", self.rate)));
         }
-        if !self.turn.is_finite() || self.turn != 0.0 && self.view != ViewArgument::Top {
-            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top)", self.turn)));
+        if !self.turn.is_finite() || self.turn != 0.0 && self.view == ViewArgument::None {
+            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top or camera)", self.turn)));
         }
         let wait = seconds(self.wait)?;
         let stop = stop::on_signal()?;
@@ -65,7 +67,7 @@ impl Observe {
         let [x, y, z] = status.dims.map(|side| side as usize);
         let dims = Dims::new(x, y, z)?;
         let read = self.mesh.read_options(dims)?;
-        let sources = self.files.iter().map(|file| self.view.source(file, &read)).collect::<Result<Vec<Source>, _>>()?;
+        let sources = self.files.iter().map(|file| self.view.source(file, &read, &self.camera)).collect::<Result<Vec<Source>, _>>()?;
         if let Some((file, found)) = self.files.iter().zip(&sources).find(|(_, source)| source.dims() != dims) {
             let found = found.dims();
             return Err(Failure::Failed(format!("{} is a grid of {found}, the daemon's model is for {dims}", file.display())));
@@ -76,8 +78,13 @@ impl Observe {
             PoseArgument::Yaw => PoseSearch::Yaw.code(),
             PoseArgument::Full => PoseSearch::Full.code(),
         };
-        if self.view == ViewArgument::Top {
-            template.view = beo_ipc::View::TopDown.code();
+        match self.view {
+            ViewArgument::Top => template.view = beo_ipc::View::TopDown.code(),
+            ViewArgument::Camera => {
+                template.view = beo_ipc::View::Camera.code();
+                template.outside = beo_ipc::Outside::Unknown.code();
+            }
+            ViewArgument::None => (),
         }
         let producer = Producer::open_within(&self.instance, &template, wait)?;
         let count = self.count.unwrap_or(self.files.len() as u64);
@@ -93,6 +100,10 @@ impl Observe {
             header.object_id = which as u64 + 1;
             header.continued_object_id = header.object_id;
             header.continues = u32::from(self.track);
+            if let Some(camera) = sources[which].camera() {
+                // A voxel is a metre where the scale is not known.
+                header.sensor_position_m = [camera.x, camera.y, camera.z].map(|v| v as f32);
+            }
             loan.send()?;
             sent += 1;
             next += period;

@@ -2,7 +2,8 @@
 
 use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
-use super::shapes::{MeshArguments, ViewArgument};
+use super::pictures::{PictureArguments, Shown};
+use super::shapes::{CameraArguments, MeshArguments, ViewArgument};
 use crate::grid::{Rotation, to_xyzw, yaw_of};
 use crate::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
 use clap::Args;
@@ -44,6 +45,10 @@ pub struct Perceive {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    pictures: PictureArguments,
+    #[command(flatten)]
+    camera: CameraArguments,
+    #[command(flatten)]
     mesh: MeshArguments,
 }
 
@@ -63,16 +68,18 @@ pub fn describe_pose(rotation: &Rotation, spread: f64) -> String {
 impl Perceive {
     /// Runs the command. Files that cannot be answered are named; the others are answered all the same.
     pub fn run(self) -> Result<(), Failure> {
-        if !self.turn.is_finite() || self.turn != 0.0 && self.view != ViewArgument::Top {
-            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top)", self.turn)));
+        if !self.turn.is_finite() || self.turn != 0.0 && self.view == ViewArgument::None {
+            return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top or camera)", self.turn)));
         }
+        self.pictures.prepare()?;
         let perceiver = Perceiver::open(&self.model)?;
         let model = perceiver.model().clone();
         let read = self.mesh.read_options(model.dims())?;
         let names: Vec<&str> = model.class_names().collect();
-        let query = Query {
+        let mut query = Query {
             method: self.method,
             view: self.view.view(),
+            outside: self.view.outside(),
             log_prior: self.prior.log_prior(&perceiver),
             completion: true,
             pose: self.pose.search(self.yaw_span)?,
@@ -81,11 +88,16 @@ impl Perceive {
         };
         let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
         let mut failed = 0;
-        for file in &self.files {
-            let answer = self.view.source(file, &read).and_then(|source| {
+        for (place, file) in self.files.iter().enumerate() {
+            let answer = self.view.source(file, &read, &self.camera).and_then(|source| {
+                query.camera = source.camera();
                 let observation = source.turned_by(self.turn.to_radians());
                 perceiver.classify(&observation, &query, &mut work, &mut percept)?;
                 perceiver.complete(&query, &mut work, &mut percept)?;
+                if self.pictures.is_wanted() {
+                    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+                    Shown::of_file(place + 1, &name, &names, &observation, query.camera, &percept).save(&self.pictures)?;
+                }
                 Ok(())
             });
             if let Err(failure) = answer {

@@ -2,10 +2,12 @@
 
 use super::failure::Failure;
 use super::progress;
-use crate::grid::{Dims, Observation, Occupancy, Turn, View, yaw};
+use crate::camera::simulation::{self, Eye};
+use crate::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
 use crate::shapes::library::{self, LoadOptions, Shapes};
 use crate::shapes::{ReadOptions, Up, longest_side, read_observation, read_shape};
 use clap::{Args, ValueEnum};
+use nalgebra::Vector3;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -50,14 +52,44 @@ impl MeshArguments {
 pub enum ViewArgument {
     /// A complete shape, seen straight from above
     Top,
+    /// A complete shape, seen by a camera
+    Camera,
     /// A grid of bytes (.npy) with 0 empty, 1 filled, 255 unknown, taken as it is
     None,
 }
 
+/// Where the camera of `--view camera` is.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct CameraArguments {
+    /// With --view camera, its height above the horizontal
+    #[arg(long, default_value_t = 30.0, value_name = "DEGREES", allow_negative_numbers = true)]
+    pub elevation: f64,
+    /// With --view camera, its direction from the object, counter-clockwise from +x
+    #[arg(long, default_value_t = 0.0, value_name = "DEGREES", allow_negative_numbers = true)]
+    pub azimuth: f64,
+}
+
+/// Distance of a camera from a shape, in longest sides of the shape.
+pub const CAMERA_DISTANCE: f64 = 4.0;
+
+impl CameraArguments {
+    /// The place about a shape.
+    fn eye(&self, object: &Occupancy) -> Result<Eye, Failure> {
+        if !((-90.0..=90.0).contains(&self.elevation) && self.azimuth.is_finite()) {
+            let Self { elevation, azimuth } = self;
+            return Err(Failure::Usage(format!("--elevation {elevation} --azimuth {azimuth}: use -90 to 90 degrees, and a finite angle")));
+        }
+        let longest = object.bounds().map_or(1, |[low, high]| (0..3).map(|a| high[a] - low[a]).max().unwrap_or(1));
+        Ok(Eye { azimuth: self.azimuth.to_radians(), elevation: self.elevation.to_radians(), distance: CAMERA_DISTANCE * longest as f64 })
+    }
+}
+
 /// Something to be observed.
 pub enum Source {
-    /// A complete shape and from where it is seen.
-    Shape(Occupancy, View),
+    /// A complete shape, seen from above.
+    Above(Occupancy),
+    /// A complete shape, seen by a camera.
+    Camera(Occupancy, Eye),
     /// What was seen of a shape.
     Observation(Observation),
 }
@@ -66,16 +98,28 @@ impl Source {
     /// Size of its grid.
     pub fn dims(&self) -> Dims {
         match self {
-            Source::Shape(object, _) => object.dims(),
+            Source::Above(object) | Source::Camera(object, _) => object.dims(),
             Source::Observation(observation) => observation.dims(),
+        }
+    }
+
+    /// Where the camera is, in voxels from the grid's centre, if there is one.
+    pub fn camera(&self) -> Option<Vector3<f64>> {
+        match self {
+            Source::Camera(_, eye) => Some(eye.position()),
+            _ => None,
         }
     }
 
     /// What is seen of it, a shape being first turned about z by `angle` radians.
     pub fn turned_by(&self, angle: f64) -> Cow<'_, Observation> {
+        let turned = |object: &Occupancy| match angle {
+            0.0 => object.clone(),
+            _ => Turn::new(object.dims(), &yaw(angle)).occupancy(object),
+        };
         match self {
-            Source::Shape(object, view) if angle == 0.0 => Cow::Owned(view.of(object)),
-            Source::Shape(object, view) => Cow::Owned(view.of(&Turn::new(object.dims(), &yaw(angle)).occupancy(object))),
+            Source::Above(object) => Cow::Owned(View::Top.of(&turned(object))),
+            Source::Camera(object, eye) => Cow::Owned(simulation::observe(&turned(object), eye)),
             Source::Observation(observation) => Cow::Borrowed(observation),
         }
     }
@@ -83,19 +127,26 @@ impl Source {
 
 impl ViewArgument {
     /// Reads what a file holds.
-    pub fn source(self, path: &Path, options: &ReadOptions) -> Result<Source, Failure> {
+    pub fn source(self, path: &Path, options: &ReadOptions, camera: &CameraArguments) -> Result<Source, Failure> {
         match self {
-            ViewArgument::Top => Ok(Source::Shape(read_shape(path, options)?, View::Top)),
+            ViewArgument::Top => Ok(Source::Above(read_shape(path, options)?)),
+            ViewArgument::Camera => {
+                let object = read_shape(path, options)?;
+                let eye = camera.eye(&object)?;
+                Ok(Source::Camera(object, eye))
+            }
             ViewArgument::None => Ok(Source::Observation(read_observation(path)?)),
         }
     }
 
-    /// The view, where it is known.
+    /// The view from above, where it is that.
     pub fn view(self) -> Option<View> {
-        match self {
-            ViewArgument::Top => Some(View::Top),
-            ViewArgument::None => None,
-        }
+        (self == ViewArgument::Top).then_some(View::Top)
+    }
+
+    /// What lies outside of the grid.
+    pub fn outside(self) -> Outside {
+        if self == ViewArgument::Camera { Outside::Unknown } else { Outside::Empty }
     }
 }
 

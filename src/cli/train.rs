@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::shapes::{self, MeshArguments, ViewArgument};
 use super::{failure::cannot_write, progress};
-use crate::grid::Dims;
+use crate::grid::{Dims, View};
 use crate::learning::{FEWEST_SHAPES, Step, TrainOptions, train};
 use crate::memory::{self, Available};
 use crate::model::{MOST_COMPONENTS, check_place, save};
@@ -26,9 +26,12 @@ pub struct Train {
     /// Voxels along each side of the grid
     #[arg(long, default_value_t = 30, value_name = "N")]
     resolution: usize,
-    /// Views that queries will have
+    /// Views that queries will have: top, camera. Views from above are learned in any case
     #[arg(long, value_delimiter = ',', value_enum, default_values_t = [ViewArgument::Top])]
     views: Vec<ViewArgument>,
+    /// With --views camera, elevations of the cameras to be met, degrees above the horizontal
+    #[arg(long, value_delimiter = ',', default_values_t = [15.0, 30.0, 45.0, 60.0, 75.0], value_name = "DEGREES")]
+    elevations: Vec<f64>,
     /// Share of a class's variance that its basis carries
     #[arg(long, default_value_t = 0.6, value_name = "SHARE")]
     variance: f64,
@@ -72,6 +75,17 @@ fn require_memory(basis: u64) -> Result<(), Failure> {
     }
 }
 
+/// Elevations in the order in which models keep them, each once.
+fn elevations(given: &[f64]) -> Result<Vec<f64>, Failure> {
+    let mut elevations = given.to_vec();
+    elevations.sort_by(f64::total_cmp);
+    elevations.dedup();
+    if elevations.is_empty() || elevations.len() > 32 || !elevations.iter().all(|e| (-80.0..=85.0).contains(e)) {
+        return Err(Failure::Usage("--elevations: use 1 to 32 angles from -80 to 85 degrees above the horizontal".into()));
+    }
+    Ok(elevations)
+}
+
 impl Train {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
@@ -89,8 +103,12 @@ impl Train {
         if !(2..=FEWEST_SHAPES).contains(&self.folds) {
             return usage(format!("--folds {}: use 2 to {FEWEST_SHAPES}", self.folds));
         }
-        let Some(views) = self.views.iter().map(|v| v.view()).collect::<Option<Vec<_>>>() else {
-            return usage("--views none: a view must be simulated; use top".into());
+        if self.views.contains(&ViewArgument::None) {
+            return usage("--views none: a view must be simulated; use top or camera".into());
+        }
+        let camera_elevations_deg = match self.views.contains(&ViewArgument::Camera) {
+            true => elevations(&self.elevations)?,
+            false => Vec::new(),
         };
         let read = self.mesh.read_options(dims)?;
         if self.out.is_dir() {
@@ -110,7 +128,8 @@ impl Train {
         check_place(&self.out, least)?;
         require_memory(least)?;
         let options = TrainOptions {
-            views,
+            views: vec![View::Top],
+            camera_elevations_deg,
             variance_share: self.variance,
             basis_range: [self.least, self.most],
             seed: self.seed,

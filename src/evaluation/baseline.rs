@@ -2,8 +2,9 @@
 
 use super::icp::{Freedom, Icp, filled_points, mean_object, yaw_starts};
 use super::metrics;
-use super::protocol::{Milliseconds, PoseErrors, PoseFigures, Posed, Protocol};
+use super::protocol::{Milliseconds, PoseErrors, PoseFigures, Protocol};
 use super::symmetry::cube_rotations;
+use super::viewpoint::Posed;
 use crate::grid::Rotation;
 use crate::perception::{Perceiver, PoseSearch};
 use crate::shapes::library::Shape;

@@ -190,6 +190,8 @@ mod tests {
         let calibration: CalibrationFigures = metrics::calibration(&posteriors, &truths);
         Evaluation {
             pose: "known",
+            viewpoint: crate::evaluation::Viewpoint::Top,
+            placement: None,
             method: Method::Auto,
             queries: confidences.len(),
             accuracy: 2.0 / 3.0,

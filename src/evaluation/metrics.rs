@@ -97,6 +97,56 @@ pub fn iou(both: usize, either: usize) -> f64 {
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
+/// Errors of size and place of one query. Lengths are shares of the object's longest side.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlacementErrors {
+    /// Distance of the centre of the object's canonical grid from the true one.
+    pub centre: f64,
+    /// Logarithm of the ratio of the sizes, without its sign.
+    pub size: f64,
+    /// Mean error of the lengths of the object's box.
+    pub extent: f64,
+    /// Errors of the centre along the grid's axes, in deviations that were answered.
+    pub centre_deviations: [f64; 3],
+    /// The same of the lengths along the object's axes.
+    pub extent_deviations: [f64; 3],
+}
+
+/// Errors of size and place of many queries.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PlacementFigures {
+    /// Median distance of the centre, as a share of the object's longest side.
+    pub centre_median: f64,
+    /// Median of |ln size ratio|.
+    pub size_median: f64,
+    /// Median error of the box's lengths, as a share of the longest.
+    pub extent_median: f64,
+    /// Share of the errors of the centre that are within one deviation that was answered (68 % of a Gaussian's).
+    pub centre_within_one_deviation: f64,
+    /// The same of the lengths.
+    pub extent_within_one_deviation: f64,
+}
+
+/// Sums up errors of size and place.
+pub fn placement_figures(errors: &[PlacementErrors]) -> PlacementFigures {
+    let median_of = |value: fn(&PlacementErrors) -> f64| {
+        let mut values: Vec<f64> = errors.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        if values.is_empty() { 0.0 } else { values[values.len() / 2] }
+    };
+    let within = |value: fn(&PlacementErrors) -> [f64; 3]| {
+        let all = errors.iter().flat_map(value);
+        all.filter(|v| v.abs() <= 1.0).count() as f64 / (3 * errors.len()).max(1) as f64
+    };
+    PlacementFigures {
+        centre_median: median_of(|e| e.centre),
+        size_median: median_of(|e| e.size),
+        extent_median: median_of(|e| e.extent),
+        centre_within_one_deviation: within(|e| e.centre_deviations),
+        extent_within_one_deviation: within(|e| e.extent_deviations),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,7 +7,9 @@ pub mod metrics;
 pub mod protocol;
 pub mod symmetry;
 mod table;
+mod viewpoint;
 
 pub use baseline::{IcpEvaluation, evaluate_icp};
 pub use protocol::{Evaluation, Protocol, evaluate, sample};
 pub use table::table;
+pub use viewpoint::{Posed, Viewpoint};

@@ -1,10 +1,10 @@
 //! The paper's protocol, section IV: one query per object, seen from one view, in known or unknown pose.
 
 use super::metrics::{self, CalibrationFigures, iou};
-pub use super::metrics::{Milliseconds, PoseErrors, PoseFigures};
-use super::symmetry::{Symmetries, rotation_error};
-use crate::grid::{Observation, Occupancy, Rotation, Turn, View, uniform_rotation, yaw};
-use crate::perception::{Method, PerceiveError, Perceiver, Percept, PoseSearch, Query};
+pub use super::metrics::{Milliseconds, PlacementErrors, PlacementFigures, PoseErrors, PoseFigures};
+use super::viewpoint::{Posed, Viewpoint};
+use crate::grid::{Observation, Occupancy, Placed, Rotation, Turn, uniform_rotation, yaw};
+use crate::perception::{Method, PerceiveError, Perceiver, Percept, PoseSearch, Query, ScaleSearch};
 use crate::shapes::library::{Shape, Shapes};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -32,7 +32,7 @@ pub struct Prediction {
 #[derive(Clone, Copy, Debug)]
 pub struct Protocol {
     /// From where objects are seen, after their rotation.
-    pub view: View,
+    pub viewpoint: Viewpoint,
     /// Seed of the rotations.
     pub seed: u64,
     /// Whether the true class is told.
@@ -80,6 +80,9 @@ pub struct CompletionFigures {
 pub struct Evaluation {
     /// How the pose was treated.
     pub pose: &'static str,
+    /// From where objects were seen.
+    #[serde(flatten)]
+    pub viewpoint: Viewpoint,
     /// The method.
     pub method: Method,
     /// Number of queries.
@@ -94,6 +97,8 @@ pub struct Evaluation {
     pub completion: CompletionFigures,
     /// Rotation errors; null in known pose.
     pub pose_error_deg: Option<PoseFigures>,
+    /// Errors of size and place; null where they were known.
+    pub placement: Option<PlacementFigures>,
     /// Calibration of the posteriors.
     pub calibration: CalibrationFigures,
     /// Times.
@@ -139,41 +144,6 @@ pub fn sample(shapes: &Shapes, limit: Option<usize>, seed: u64) -> Vec<&Shape> {
     chosen.into_iter().map(|i| all[i]).collect()
 }
 
-/// A shape as it is asked about.
-pub struct Posed {
-    /// The true rotation.
-    pub rotation: Rotation,
-    /// The turned object.
-    pub object: Occupancy,
-    /// What is seen of it.
-    pub observation: Observation,
-}
-
-impl Posed {
-    /// The query of the shape at `place` among all.
-    pub fn new(shape: &Shape, pose: PoseSearch, protocol: &Protocol, place: usize) -> Self {
-        let rotation = draw_rotation(pose, protocol.seed, place);
-        let object = match pose {
-            PoseSearch::Known => shape.object.clone(),
-            _ => Turn::new(shape.object.dims(), &rotation).occupancy(&shape.object),
-        };
-        let observation = protocol.view.of(&object);
-        Self { rotation, object, observation }
-    }
-
-    /// How far an estimate is from the truth, raw and by the symmetries of the shape.
-    pub fn errors(&self, shape: &Shape, pose: PoseSearch, estimate: &Rotation) -> PoseErrors {
-        let symmetries = match pose {
-            PoseSearch::Full => Symmetries::full(&shape.object),
-            _ => Symmetries::yaw(&shape.object),
-        };
-        PoseErrors {
-            raw_deg: rotation_error(estimate, &self.rotation).to_degrees(),
-            symmetry_aware_deg: symmetries.error(estimate, &self.rotation).to_degrees(),
-        }
-    }
-}
-
 /// Answers all `shapes` with one method. `classes` maps a shape's class to the model's. `seen` is called after each query with
 /// the object as it stood, its class, the observation and the percept.
 pub fn evaluate(
@@ -189,20 +159,24 @@ pub fn evaluate(
     let mut work = perceiver.workspace();
     let mut percept = Percept::default();
     let (mut posteriors, mut truths, mut times) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut predictions, mut per_query, mut pose_errors) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut predictions, mut per_query, mut pose_errors, mut placement) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut turn = Turn::new(dims, &Rotation::identity());
     let mut sums = CompletionFigures::default();
-    let mut query = Query { view: Some(protocol.view), completion: true, ..query.clone() };
+    let mut query = Query { completion: true, ..query.clone() };
+    protocol.viewpoint.ask(&mut query);
     let prior = query.log_prior.clone();
     // One unmeasured query first, so that no time includes the first touch of the model.
     if let Some(shape) = shapes.first() {
-        let observation = protocol.view.of(&shape.object);
-        perceiver.classify(&observation, &query, &mut work, &mut percept)?;
+        let posed = Posed::new(shape, query.pose, protocol, 0);
+        query.camera = posed.camera;
+        perceiver.classify(&posed.observation, &query, &mut work, &mut percept)?;
         perceiver.complete(&query, &mut work, &mut percept)?;
     }
     for (place, shape) in shapes.iter().enumerate() {
         let truth = classes[shape.class];
         let posed = Posed::new(shape, query.pose, protocol, place);
         let Posed { object, observation, .. } = &posed;
+        query.camera = posed.camera;
         if protocol.known_class {
             query.log_prior.clear();
             query.log_prior.extend((0..names.len()).map(|s| if s == truth { 0.0 } else { f64::NEG_INFINITY }));
@@ -214,9 +188,10 @@ pub fn evaluate(
         perceiver.complete(&query, &mut work, &mut percept)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         let mut mean: Vec<f32> = (0..dims.voxels()).map(|v| perceiver.class_mean(percept.class, v)).collect();
-        if query.pose != PoseSearch::Known {
+        if percept.placed != Placed::default() {
             let upright = mean.clone();
-            Turn::new(dims, &percept.rotation).values(&upright, 0.0, &mut mean);
+            turn.set_to_grid(&percept.placed);
+            turn.values(&upright, 0.0, &mut mean);
         }
         let figures = completion_figures(object, observation, &percept, |v| mean[v]);
         sums.iou_unknown += figures.iou_unknown;
@@ -226,6 +201,7 @@ pub fn evaluate(
         sums.l2 += figures.l2;
         let pose_error = (query.pose != PoseSearch::Known).then(|| posed.errors(shape, query.pose, &percept.rotation));
         pose_errors.extend(pose_error);
+        placement.extend((query.scale != ScaleSearch::Known).then(|| posed.placement_errors(shape, &percept)));
         per_query.push(QueryFigures { truth, right: percept.class == truth, l2: figures.l2, ms, pose_error });
         predictions.push(Prediction {
             file: shape.file.clone(),
@@ -254,6 +230,7 @@ pub fn evaluate(
     }
     Ok(Evaluation {
         pose: query.pose.name(),
+        viewpoint: protocol.viewpoint,
         method: query.method,
         queries: shapes.len(),
         accuracy: per_query.iter().filter(|q| q.right).count() as f64 / n,
@@ -267,6 +244,7 @@ pub fn evaluate(
             l2: sums.l2 / n,
         },
         pose_error_deg: (!pose_errors.is_empty()).then(|| metrics::pose_figures(&pose_errors)),
+        placement: (!placement.is_empty()).then(|| metrics::placement_figures(&placement)),
         calibration: metrics::calibration(&posteriors, &truths),
         query_ms: metrics::milliseconds(&times),
         predictions,

@@ -29,7 +29,7 @@ pub fn table(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> String {
     }
     text.push_str("  total\n");
     for evaluation in evaluations {
-        let _ = write!(text, "{:<19}", evaluation.method.name());
+        let _ = write!(text, "{:<19}", name(evaluation));
         for class in &classes {
             let accuracy = evaluation.per_class.get(*class).map_or(f64::NAN, |c| 100.0 * c.accuracy);
             let _ = write!(text, " {accuracy:>width$.1}", width = width(class));
@@ -48,7 +48,7 @@ pub fn table(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> String {
     text.push('\n');
     let _ = writeln!(
         text,
-        "{:<10} {:>7} {:>8} {:>6} {:>7} {:>9}  {:>11} {:>8} {:>13} {:>10} {:>6}  {:>8} {:>8}",
+        "{:<18} {:>7} {:>8} {:>6} {:>7} {:>9}  {:>11} {:>8} {:>13} {:>10} {:>6}  {:>8} {:>8}",
         "method",
         "queries",
         "accuracy",
@@ -67,8 +67,8 @@ pub fn table(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> String {
         let (c, q) = (&e.completion, &e.calibration);
         let _ = writeln!(
             text,
-            "{:<10} {:>7} {:>8.3} {:>6.3} {:>7.3} {:>9.3}  {:>11.3} {:>8.3} {:>13.3} {:>10.3} {:>6.1}  {:>8.2} {:>8.2}",
-            e.method.name(),
+            "{:<18} {:>7} {:>8.3} {:>6.3} {:>7.3} {:>9.3}  {:>11.3} {:>8.3} {:>13.3} {:>10.3} {:>6.1}  {:>8.2} {:>8.2}",
+            name(e),
             e.queries,
             e.accuracy,
             q.ece,
@@ -83,7 +83,7 @@ pub fn table(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> String {
             e.query_ms.p99
         );
     }
-    let of_methods = evaluations.iter().filter_map(|e| Some((e.method.name().to_owned(), e.pose_error_deg?, e.query_ms.p50)));
+    let of_methods = evaluations.iter().filter_map(|e| Some((name(e), e.pose_error_deg?, e.query_ms.p50)));
     let of_icp = icp.iter().map(|e| (icp_name(e), e.pose_error_deg, e.query_ms.p50));
     let rows: Vec<(String, PoseFigures, f64)> = of_methods.chain(of_icp).collect();
     if !rows.is_empty() {
@@ -97,7 +97,29 @@ pub fn table(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> String {
             let _ = writeln!(text, "{name:<22} {median:>7.2} {mean:>7.2} {p90:>7.2} {symmetry_aware_median:>22.2} {ms:>8.2}");
         }
     }
+    if evaluations.iter().any(|e| e.placement.is_some()) {
+        let _ = writeln!(
+            text,
+            "\n{:<22} {:>7} {:>7} {:>7} {:>22} {:>22}",
+            "size and place", "centre", "size", "lengths", "centre within 1 dev.", "lengths within 1 dev."
+        );
+        for (e, figures) in evaluations.iter().filter_map(|e| Some((e, e.placement?))) {
+            let [centre, size, extent, centre_within, extent_within] = [
+                figures.centre_median,
+                figures.size_median,
+                figures.extent_median,
+                figures.centre_within_one_deviation,
+                figures.extent_within_one_deviation,
+            ];
+            let _ = writeln!(text, "{:<22} {centre:>7.3} {size:>7.3} {extent:>7.3} {centre_within:>22.2} {extent_within:>22.2}", name(e));
+        }
+    }
     text
+}
+
+/// Method and viewpoint, for rows and columns.
+pub(super) fn name(evaluation: &Evaluation) -> String {
+    format!("{}{}", evaluation.method.name(), evaluation.viewpoint.label())
 }
 
 /// The paper's rows that an evaluation can be compared with.

@@ -76,6 +76,18 @@ impl Observation {
         Self { dims: object.dims(), known, filled: object.bits().clone() }
     }
 
+    /// What was observed of a published completion, one byte per voxel each: its certain voxels, 0 or 255 without deviation.
+    pub fn of_completion(dims: Dims, occupancy: &[u8], deviation: &[u8]) -> Self {
+        assert_eq!((occupancy.len(), deviation.len()), (dims.voxels(), dims.voxels()), "one byte per voxel each");
+        let mut observation = Self::unknown(dims);
+        for (index, (occupancy, deviation)) in occupancy.iter().zip(deviation).enumerate() {
+            if *deviation == 0 && (*occupancy == 0 || *occupancy == 255) {
+                observation.set(index, *occupancy == 255);
+            }
+        }
+        observation
+    }
+
     /// An observation with these known voxels, and these of them filled; one bit per voxel each.
     pub fn from_parts(dims: Dims, known: FixedBitSet, filled: FixedBitSet) -> Self {
         assert_eq!((known.len(), filled.len()), (dims.voxels(), dims.voxels()), "one bit per voxel");
@@ -205,6 +217,18 @@ mod tests {
                 assert_eq!(Observation::from_bytes(dims, &bytes), Err(ObservationError::Code { voxel, code }));
             }
         }
+    }
+
+    #[test]
+    fn what_is_certain_in_a_completion_was_observed() {
+        let dims = Dims::cube(8).unwrap();
+        let (mut occupancy, mut deviation) = (vec![100; 512], vec![9; 512]);
+        for (index, (p, sd)) in [(255, 0), (0, 0), (255, 1), (0, 1), (128, 0)].into_iter().enumerate() {
+            (occupancy[index], deviation[index]) = (p, sd);
+        }
+        let observation = Observation::of_completion(dims, &occupancy, &deviation);
+        let codes: Vec<u8> = (0..6).map(|index| observation.code(index)).collect();
+        assert_eq!(codes, [FILLED, EMPTY, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN]);
     }
 
     #[test]

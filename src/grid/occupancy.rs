@@ -62,6 +62,14 @@ impl Occupancy {
         self.filled.count_ones(..)
     }
 
+    /// The box about the filled voxels: lower corner, and upper corner (exclusive); `None` where none is filled.
+    pub fn bounds(&self) -> Option<[[usize; 3]; 2]> {
+        self.filled.ones().map(|voxel| self.dims.coordinates(voxel)).fold(None, |bounds, at| {
+            let [low, high] = bounds.unwrap_or([at; 2]);
+            Some([std::array::from_fn(|a| low[a].min(at[a])), std::array::from_fn(|a| high[a].max(at[a] + 1))])
+        })
+    }
+
     /// Number of voxels filled in both objects: the inner product of the two binary vectors.
     pub fn overlap(&self, other: &Self) -> usize {
         let pairs = self.filled.as_slice().iter().zip(other.filled.as_slice());

@@ -3,9 +3,9 @@
 //! A rotation takes object axes to grid axes. A voxel of the turned grid takes the value of the voxel that its centre comes
 //! from; what comes from outside is [`Outside`]. Quarter turns about an axis are exact permutations.
 
-use super::{Dims, Observation, Occupancy};
+use super::{Dims, Observation, Occupancy, Placed};
 use fixedbitset::FixedBitSet;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
 use std::f64::consts::TAU;
 
 /// A rotation from object axes to grid axes.
@@ -90,16 +90,41 @@ impl Turn {
             return;
         }
         let back = rotation.inverse().to_rotation_matrix();
-        let back = back.matrix();
+        self.set_sources(back.matrix(), &Vector3::zeros());
+    }
+
+    /// Becomes the way from the grid to the object's canonical grid: what the object looks like there.
+    pub fn set_to_object(&mut self, placed: &Placed) {
+        if placed.is_turned_only() {
+            return self.set(&placed.rotation.inverse());
+        }
+        let (matrix, offset) = placed.map();
+        self.set_sources(&matrix, &offset);
+    }
+
+    /// Becomes the way from the object's canonical grid to the grid in which it is placed.
+    pub fn set_to_grid(&mut self, placed: &Placed) {
+        if placed.is_turned_only() {
+            return self.set(&placed.rotation);
+        }
+        let (matrix, offset) = placed.inverse_map();
+        self.set_sources(&matrix, &offset);
+    }
+
+    /// Every voxel p, from the centre, comes from matrix · p + offset.
+    fn set_sources(&mut self, matrix: &Matrix3<f64>, offset: &Vector3<f64>) {
+        let Self { dims, sources } = self;
+        sources.clear();
         let sides = <[usize; 3]>::from(*dims);
         let middle = sides.map(|side| (side as f64 - 1.0) / 2.0);
         for i in 0..sides[0] {
             for j in 0..sides[1] {
                 let (x, y) = (i as f64 - middle[0], j as f64 - middle[1]);
-                let start: [f64; 3] = std::array::from_fn(|axis| back[(axis, 0)] * x + back[(axis, 1)] * y + middle[axis]);
+                let start: [f64; 3] =
+                    std::array::from_fn(|axis| matrix[(axis, 0)] * x + matrix[(axis, 1)] * y + offset[axis] + middle[axis]);
                 for k in 0..sides[2] {
                     let z = k as f64 - middle[2];
-                    let at: [f64; 3] = std::array::from_fn(|axis| nearest(start[axis] + back[(axis, 2)] * z));
+                    let at: [f64; 3] = std::array::from_fn(|axis| nearest(start[axis] + matrix[(axis, 2)] * z));
                     let inside = (0..3).all(|axis| at[axis] >= 0.0 && at[axis] < sides[axis] as f64);
                     let [i, j, k] = at.map(|at| at as usize);
                     sources.push(if inside { dims.index(i, j, k) as u32 } else { NOWHERE });

@@ -7,8 +7,11 @@
 //! | `basis` | class bases and the shared basis W', streamed over voxels | text after eq. 9 |
 //! | `shrinkage` | class covariance of complete objects | eqs. 7, 8; Ledoit & Wolf, Schäfer & Strimmer |
 //! | `hull_density` | class density of the visual hulls | normal-inverse-Wishart posterior |
+//! | `components` | principal components of many samples | power iteration |
+//! | `regressed` | Gaussians of features with a regression on them | |
 //! | `render` | height maps of turned shapes | |
 //! | `view_density` | densities of turned objects seen from above, by direction | principal components, Gaussians |
+//! | `camera_density` | densities of what cameras see, by elevation and yaw | the same |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
 //! | `train` | the driver, with internal cross-validation | |
 //!
@@ -16,8 +19,11 @@
 
 mod basis;
 mod calibration;
+mod camera_density;
+mod components;
 mod gram;
 mod hull_density;
+mod regressed;
 mod render;
 mod shrinkage;
 mod train;

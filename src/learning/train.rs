@@ -2,6 +2,7 @@
 
 use super::basis::{ClassBasis, shared_basis};
 use super::calibration::{Fitted, FittedVoxels, fit_blend, fit_voxels};
+use super::camera_density::camera_densities;
 use super::gram::overlaps;
 use super::hull_density::HullMoments;
 use super::shrinkage::{centre, shrunk_covariance};
@@ -32,6 +33,8 @@ const LEAST_NOISE: f64 = 0.05;
 pub struct TrainOptions {
     /// Views to simulate.
     pub views: Vec<View>,
+    /// Elevations of the cameras to be met, degrees above the horizontal, ascending: densities of what they see are learned; none for none.
+    pub camera_elevations_deg: Vec<f64>,
     /// Share of the variance that sizes a class basis.
     pub variance_share: f64,
     /// Least and most components of a class basis.
@@ -53,6 +56,7 @@ impl Default for TrainOptions {
     fn default() -> Self {
         Self {
             views: vec![View::Top],
+            camera_elevations_deg: Vec::new(),
             variance_share: 0.6,
             basis_range: [30, 70],
             seed: 0,
@@ -119,7 +123,8 @@ const COMPLETED_VOXELS: usize = 400;
 pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) + Sync)) -> Result<Model, TrainError> {
     let data = Data::new(shapes, options)?;
     let folds = data.folds(options);
-    let total = folds.len() + 3;
+    let cameras = !options.camera_elevations_deg.is_empty();
+    let total = folds.len() + 3 + usize::from(cameras);
     let step = |name, done| progress(Step { name, done, total });
 
     let mut held_out = Vec::new();
@@ -128,7 +133,7 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
         held_out.push(HeldOut::measure(&data, fold, options)?);
     }
     step("calibrating on held-out objects", folds.len());
-    let calibration = calibrate(&held_out, data.classes.len())?;
+    let mut calibration = calibrate(&held_out, data.classes.len())?;
     drop(held_out);
 
     step("fitting on all shapes", folds.len() + 1);
@@ -144,6 +149,14 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
         .collect();
     step("learning views from all sides", folds.len() + 2);
     let view_densities = view_densities(&data.classes, options.seed)?;
+    let mut camera = None;
+    if cameras {
+        step("learning what cameras see", folds.len() + 3);
+        let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
+        let learned = camera_densities(&data.classes, &elevations, options.seed)?;
+        calibration.camera = Some(learned.calibration);
+        camera = Some(learned.densities);
+    }
     let (mut infos, mut classes) = (Vec::new(), Vec::new());
     for (s, class) in fit.classes.into_iter().enumerate() {
         let (_, centred) = centre(class.projected.as_ref());
@@ -178,6 +191,7 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
         settings: Settings {
             splits: options.splits.clone(),
             views: options.views.clone(),
+            camera_elevations_deg: options.camera_elevations_deg.clone(),
             variance_share: options.variance_share,
             basis_range: options.basis_range,
             longest_side: options.longest_side,
@@ -185,7 +199,7 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
             folds: options.folds,
         },
     };
-    Ok(Model { id: 0, metadata, basis: fit.basis, classes, view_densities })
+    Ok(Model { id: 0, metadata, basis: fit.basis, classes, view_densities, camera_densities: camera })
 }
 
 /// The shapes by class, and their inner products.
@@ -505,6 +519,7 @@ fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibration, TrainE
         evidence: Blend { evidence: alone.weights[0], offsets: alone.offsets, ..Blend::default() },
         mean: Blend { distance: distance.weights[0], offsets: distance.offsets, ..Blend::default() },
         noise_inflation: INFLATIONS[inflation],
+        camera: None,
         completion: CompletionCalibration { constant: w[0], mean: w[1], class_mean: w[2], log_depth: w[3], surface: w[4] },
         objects: labels.len(),
         accuracy: auto.accuracy,

@@ -4,19 +4,18 @@
 //! each turned by R = E F_d with its own small E: uniform over the bin's disc of tilts, and over half a turn's step in the plane.
 //! Their hull features z get a Gaussian, and the rotation vector δ of E a linear regression on z.
 //!
-//! - Features: principal components of pooled hulls of uniformly turned shapes, by block power iteration (Halko, Martinsson &
-//!   Tropp 2011).
-//! - Covariance: that of the class in the bin, shrunk, with a share of the mean over the bin's classes.
+//! - Features: principal components of pooled hulls of uniformly turned shapes.
+//! - Covariance and regression: those of the class in the bin, shrunk, with a share of the mean over the bin's classes.
 
-use super::shrinkage::{centre, shrunk_covariance};
+use super::components::{Components, principal_components};
+use super::regressed::{Moments, regressed};
 use crate::grid::{HeightMap, Occupancy, Pooling, Rotation, uniform_rotation, yaw};
 use crate::learning::render::Renderer;
-use crate::linear::{LinearError, cholesky, invert_lower, symmetric_eigen};
+use crate::linear::LinearError;
 use crate::model::{DIRECTIONS, ViewDensities};
 use crate::perception::pose::hull_features::HullFeatures;
 use crate::perception::pose::viewpoint::{TURNS, frame};
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par};
+use faer::Mat;
 use half::f16;
 use nalgebra::Vector3;
 use rand::seq::SliceRandom;
@@ -30,14 +29,9 @@ const FEATURES: usize = 56;
 /// Views from which the features are learned: this many per shape, within the bounds.
 const FEATURE_VIEWS: usize = 10;
 const FEATURE_BOUNDS: (usize, usize) = (300, 2000);
-/// Columns beyond the wanted ones in the power iteration, and its rounds.
-const OVERSAMPLING: usize = 16;
-const ROUNDS: usize = 4;
 /// Views per class and direction: this many per shape, within the bounds. Held-out objects were found as well with 400.
 const VIEWS: usize = 8;
 const VIEW_BOUNDS: (usize, usize) = (64, 250);
-/// Share of the mean over the classes in a covariance. Held-out objects do not mind its value between 0.03 and 0.2.
-const COMMON_SHARE: f64 = 0.05;
 /// Least variance of a feature, as a share of the mean variance over all turned shapes: without it, few or equal shapes would
 /// make densities that are too narrow for half precision.
 const LEAST_VARIANCE: f64 = 1e-3;
@@ -45,10 +39,10 @@ const LEAST_VARIANCE: f64 = 1e-3;
 /// Learns the densities from the shapes of each class. The same shapes and seed give the same densities, whatever the number of
 /// threads.
 pub fn view_densities(classes: &[Vec<&Occupancy>], seed: u64) -> Result<ViewDensities, LinearError> {
-    let (basis, variance) = feature_basis(classes, seed)?;
-    let size = basis.ncols();
+    let components = feature_basis(classes, seed)?;
+    let (size, variance) = (components.basis.ncols(), components.variance);
     let dims = classes[0][0].dims();
-    let basis: Vec<f16> = (0..basis.nrows()).flat_map(|i| (0..size).map(move |j| (i, j))).map(|at| f16::from_f64(basis[at])).collect();
+    let basis = components.rows();
     let features = HullFeatures::new(dims, size, &basis);
     let ridge = (LEAST_VARIANCE * variance).max(1e-4);
     let moments: Vec<Vec<Moments>> = classes
@@ -56,7 +50,7 @@ pub fn view_densities(classes: &[Vec<&Occupancy>], seed: u64) -> Result<ViewDens
         .enumerate()
         .map(|(s, shapes)| {
             let views = render_views(shapes, &features, seed, s as u64);
-            (0..DIRECTIONS).into_par_iter().map(|d| Moments::new(&views, d, size, ridge)).collect()
+            (0..DIRECTIONS).into_par_iter().map(|d| moments(&views, d, size, ridge)).collect()
         })
         .collect();
     let blocks: Vec<Block> = (0..DIRECTIONS)
@@ -67,8 +61,8 @@ pub fn view_densities(classes: &[Vec<&Occupancy>], seed: u64) -> Result<ViewDens
     Ok(ViewDensities { size, basis, means: join(|b| &b.means), whitening: join(|b| &b.whitening), regression: join(|b| &b.regression) })
 }
 
-/// Principal components of the pooled hulls of uniformly turned shapes, as columns, and the mean of their variances.
-fn feature_basis(classes: &[Vec<&Occupancy>], seed: u64) -> Result<(Mat<f64>, f64), LinearError> {
+/// Principal components of the pooled hulls of uniformly turned shapes.
+fn feature_basis(classes: &[Vec<&Occupancy>], seed: u64) -> Result<Components, LinearError> {
     let shapes: Vec<&Occupancy> = classes.iter().flatten().copied().collect();
     let dims = shapes[0].dims();
     let pooling = Pooling::new(dims);
@@ -89,57 +83,7 @@ fn feature_basis(classes: &[Vec<&Occupancy>], seed: u64) -> Result<(Mat<f64>, f6
             pooled
         })
         .collect();
-    let mut mean = vec![0.0_f32; cells];
-    for hull in &hulls {
-        mean.iter_mut().zip(hull).for_each(|(sum, v)| *sum += v / count as f32);
-    }
-    // Columns are hulls less their mean.
-    let data = Mat::<f32>::from_fn(cells, count, |i, j| hulls[j][i] - mean[i]);
-    drop(hulls);
-    let width = (size + OVERSAMPLING).min(cells).min(count);
-    let mut rng = stream(seed, u64::MAX, count);
-    let mut block = Mat::<f32>::from_fn(cells, width, |_, _| rng.random_range(-1.0..1.0));
-    orthonormalise(&mut block)?;
-    let mut scores = Mat::<f32>::zeros(count, width);
-    for _ in 0..ROUNDS {
-        matmul(scores.as_mut(), Accum::Replace, data.transpose(), block.as_ref(), 1.0, Par::Seq);
-        matmul(block.as_mut(), Accum::Replace, data.as_ref(), scores.as_ref(), 1.0, Par::Seq);
-        orthonormalise(&mut block)?;
-    }
-    matmul(scores.as_mut(), Accum::Replace, data.transpose(), block.as_ref(), 1.0, Par::Seq);
-    let eigen = symmetric_eigen(gram(scores.as_ref()).as_ref())?;
-    let block = Mat::<f64>::from_fn(cells, width, |i, j| f64::from(block[(i, j)]));
-    let basis = product(block.as_ref(), eigen.vectors.subcols(0, size));
-    let variance = eigen.values[..size].iter().sum::<f64>() / (size * count) as f64;
-    Ok((basis, variance))
-}
-
-/// Replaces the columns by orthonormal ones that span the same (as far as their rank goes): X V Λ^−½ of the eigenproblem XᵀX = V Λ Vᵀ.
-fn orthonormalise(block: &mut Mat<f32>) -> Result<(), LinearError> {
-    let eigen = symmetric_eigen(gram(block.as_ref()).as_ref())?;
-    let least = (1e-10 * eigen.values[0]).max(f64::MIN_POSITIVE);
-    let scaled = Mat::<f32>::from_fn(block.ncols(), block.ncols(), |i, j| {
-        let value = eigen.values[j];
-        if value > least { (eigen.vectors[(i, j)] / value.sqrt()) as f32 } else { 0.0 }
-    });
-    let mut out = Mat::zeros(block.nrows(), block.ncols());
-    matmul(out.as_mut(), Accum::Replace, block.as_ref(), scaled.as_ref(), 1.0, Par::Seq);
-    *block = out;
-    Ok(())
-}
-
-/// A B.
-fn product(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
-    let mut out = Mat::zeros(a.nrows(), b.ncols());
-    matmul(out.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
-    out
-}
-
-/// XᵀX.
-fn gram(block: MatRef<'_, f32>) -> Mat<f64> {
-    let mut gram = Mat::<f32>::zeros(block.ncols(), block.ncols());
-    matmul(gram.as_mut(), Accum::Replace, block.transpose(), block, 1.0, Par::Seq);
-    Mat::from_fn(gram.nrows(), gram.ncols(), |i, j| f64::from(gram[(i, j)]))
+    principal_components(hulls, size, &mut stream(seed, u64::MAX, count))
 }
 
 /// Random numbers for one view of one class.
@@ -188,27 +132,10 @@ fn render_views(shapes: &[&Occupancy], features: &HullFeatures, seed: u64, class
 }
 
 /// Moments of one class in one bin.
-struct Moments {
-    mean: Vec<f64>,
-    covariance: Mat<f64>,
-    /// Cov(δ, z), 3 × p.
-    cross: Mat<f64>,
-}
-
-impl Moments {
-    fn new(views: &[Views], direction: usize, size: usize, ridge: f64) -> Self {
-        let rows = Mat::<f32>::from_fn(views.len(), size, |i, j| views[i].features[direction * size + j]);
-        let (mean, centred) = centre(rows.as_ref());
-        let mut covariance = shrunk_covariance(&centred).covariance;
-        (0..size).for_each(|i| covariance[(i, i)] += ridge);
-        let n = views.len() as f64;
-        let offsets = Mat::<f64>::from_fn(views.len(), 3, |i, axis| views[i].offsets[direction][axis]);
-        let middle: [f64; 3] = std::array::from_fn(|axis| offsets.col_as_slice(axis).iter().sum::<f64>() / n);
-        let offsets = Mat::from_fn(views.len(), 3, |i, axis| offsets[(i, axis)] - middle[axis]);
-        let mut cross = Mat::zeros(3, size);
-        matmul(cross.as_mut(), Accum::Replace, offsets.transpose(), centred.as_ref(), 1.0 / n, Par::Seq);
-        Self { mean, covariance, cross }
-    }
+fn moments(views: &[Views], direction: usize, size: usize, ridge: f64) -> Moments {
+    let rows = Mat::<f32>::from_fn(views.len(), size, |i, j| views[i].features[direction * size + j]);
+    let offsets = Mat::<f64>::from_fn(views.len(), 3, |i, axis| views[i].offsets[direction][axis]);
+    Moments::new(rows.as_ref(), offsets, ridge)
 }
 
 /// What is stored of one direction.
@@ -221,23 +148,12 @@ struct Block {
 impl Block {
     fn new(classes: &[&Moments], size: usize) -> Result<Self, LinearError> {
         let mut block = Self { means: Vec::new(), whitening: Vec::new(), regression: Vec::new() };
-        let (mut covariance, mut cross) = (Mat::<f64>::zeros(size, size), Mat::<f64>::zeros(3, size));
-        for class in classes {
-            covariance += &class.covariance;
-            cross += &class.cross;
+        for gaussian in regressed(classes)? {
+            block.means.extend(gaussian.mean.iter().map(|v| f16::from_f64(*v)));
+            block.whitening.extend(gaussian.packed_whitening());
+            block.regression.extend(gaussian.regression_rows());
         }
-        let common = COMMON_SHARE / classes.len() as f64;
-        for class in classes {
-            let mut factor = faer::Scale(1.0 - COMMON_SHARE) * &class.covariance + faer::Scale(common) * &covariance;
-            let cross = faer::Scale(1.0 - COMMON_SHARE) * &class.cross + faer::Scale(common) * &cross;
-            cholesky(&mut factor)?;
-            let inverse = invert_lower(factor.as_ref());
-            // C S⁻¹ = (C L⁻ᵀ) L⁻¹
-            let regression = product(product(cross.as_ref(), inverse.transpose()).as_ref(), inverse.as_ref());
-            block.means.extend(class.mean.iter().map(|v| f16::from_f64(*v)));
-            block.whitening.extend((0..size).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|at| f16::from_f64(inverse[at])));
-            block.regression.extend((0..3).flat_map(|i| (0..size).map(move |j| (i, j))).map(|at| f16::from_f64(regression[at])));
-        }
+        debug_assert_eq!(block.means.len(), classes.len() * size);
         Ok(block)
     }
 }

@@ -1,6 +1,10 @@
 //! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
 
-use super::{Basis, ClassModel, DIRECTIONS, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, ViewDensities, mapping};
+use super::camera_density::CELLS;
+use super::{
+    Basis, CameraDensities, ClassModel, DIRECTIONS, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, OFFSETS, ViewDensities,
+    YAWS, mapping,
+};
 use crate::grid::Pooling;
 use crate::shapes::library::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use crate::shapes::shown;
@@ -136,6 +140,21 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     for (name, shape, values) in halves {
         tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
     }
+    if let Some(cameras) = &model.camera_densities {
+        let (e, p) = (cameras.elevations.len(), cameras.size);
+        let halves: [(&str, Vec<usize>, &[f16]); 4] = [
+            ("camera_basis", vec![cameras.basis.len() / p, p], &cameras.basis),
+            ("camera_mean", vec![e, YAWS, classes, p], &cameras.means),
+            ("camera_whitening", vec![e, YAWS, classes, packed(p)], &cameras.whitening),
+            ("camera_regression", vec![e, YAWS, classes, OFFSETS, p], &cameras.regression),
+        ];
+        for (name, shape, values) in halves {
+            tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
+        }
+        for (name, values) in [("camera_offset", &cameras.offsets), ("camera_deviation", &cameras.deviations)] {
+            tensors.push((name.into(), Dtype::F32, vec![e, YAWS, classes, OFFSETS], bytemuck::cast_slice(values)));
+        }
+    }
     for (name, shape, values) in &floats {
         tensors.push((name.clone(), Dtype::F32, shape.clone(), bytemuck::cast_slice(values)));
     }
@@ -253,6 +272,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
         ));
     }
     let view_densities = file.view_densities(&tensors, metadata)?;
+    let camera_densities = file.camera_densities(&tensors, metadata)?;
     let slice = |values: &[f32], s: usize, size: usize| values[s * size..(s + 1) * size].to_vec();
     let mut first = 0;
     let classes = metadata
@@ -275,7 +295,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
         })
         .collect();
     let id = u64::from(file.header.checksum) << 32 | u64::from(file.header.checksums.get("basis").copied().unwrap_or(0));
-    Ok(Model { id, metadata: file.header.metadata, basis, classes, view_densities })
+    Ok(Model { id, metadata: file.header.metadata, basis, classes, view_densities, camera_densities })
 }
 
 /// What a file that was written by `save` always satisfies, and a hand-made one may not.
@@ -292,6 +312,16 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
         [auto.distance, hull.evidence, hull.distance, evidence.hull, evidence.distance, mean.hull, mean.evidence].iter().any(|w| *w != 0.0);
     if foreign {
         return Err("its calibration weighs scores that the method does not compute".into());
+    }
+    let elevations = &metadata.settings.camera_elevations_deg;
+    let ascending = elevations.windows(2).all(|pair| pair[0] < pair[1]);
+    if !ascending || elevations.len() > 32 || !elevations.iter().all(|e| (-90.0..=90.0).contains(e)) {
+        return Err("its cameras' elevations are not at most 32 ascending angles from -90 to 90".into());
+    }
+    match (&calibration.camera, elevations.is_empty()) {
+        (None, true) => (),
+        (Some(camera), false) if camera.blend.offsets.len() == m && camera.pose_weight > 0.0 => (),
+        _ => return Err("its calibration does not fit its cameras".into()),
     }
     if m > MOST_CLASSES {
         return Err(format!("it has {m} classes, more than the {MOST_CLASSES} that a percept can name"));
@@ -429,11 +459,44 @@ impl Opened {
             whitening: self.halves(tensors, "view_whitening", &[DIRECTIONS, m, triangle])?,
             regression: self.halves(tensors, "view_regression", &[DIRECTIONS, m, 3, size])?,
         };
-        let positive = |factor: &[f16]| (0..size).all(|i| factor[packed(i + 1) - 1] > f16::ZERO);
-        if !densities.whitening.chunks_exact(triangle).all(positive) {
-            return Err(self.invalid("tensor `view_whitening` has a diagonal that is not positive"));
-        }
+        self.check_factors("view_whitening", &densities.whitening, size)?;
         Ok(densities)
+    }
+
+    fn camera_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Option<CameraDensities>, ModelError> {
+        let elevations = &metadata.settings.camera_elevations_deg;
+        if elevations.is_empty() {
+            return Ok(None);
+        }
+        let size = self.tensor(tensors, "camera_basis")?.shape().get(1).copied().unwrap_or(0);
+        if size == 0 || size > CELLS {
+            return Err(self.invalid(format!("tensor `camera_basis` has {size} columns where 1 to {CELLS} were expected")));
+        }
+        let at = |rest: &[usize]| [&[elevations.len(), YAWS, metadata.classes.len()], rest].concat();
+        let densities = CameraDensities {
+            elevations: elevations.iter().map(|e| e.to_radians()).collect(),
+            size,
+            basis: self.halves(tensors, "camera_basis", &[CELLS, size])?,
+            means: self.halves(tensors, "camera_mean", &at(&[size]))?,
+            whitening: self.halves(tensors, "camera_whitening", &at(&[packed(size)]))?,
+            offsets: self.floats(tensors, "camera_offset", &at(&[OFFSETS]))?,
+            regression: self.halves(tensors, "camera_regression", &at(&[OFFSETS, size]))?,
+            deviations: self.floats(tensors, "camera_deviation", &at(&[OFFSETS]))?,
+        };
+        self.check_factors("camera_whitening", &densities.whitening, size)?;
+        if !densities.offsets.iter().all(|v| v.abs() < 1e3) || !densities.deviations.iter().all(|v| *v > 0.0 && *v < 1e3) {
+            return Err(self.invalid("tensor `camera_offset` or `camera_deviation` holds a value that is out of range"));
+        }
+        Ok(Some(densities))
+    }
+
+    /// Packed triangles have a positive diagonal.
+    fn check_factors(&self, name: &str, factors: &[f16], size: usize) -> Result<(), ModelError> {
+        let positive = |factor: &[f16]| (0..size).all(|i| factor[packed(i + 1) - 1] > f16::ZERO);
+        if factors.chunks_exact(packed(size)).all(positive) {
+            return Ok(());
+        }
+        Err(self.invalid(format!("tensor `{name}` has a diagonal that is not positive")))
     }
 }
 

@@ -4,7 +4,7 @@ use crate::grid::{Dims, View};
 use serde::{Deserialize, Serialize};
 
 /// Version of the file format that this program writes and reads.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
 /// Description of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +51,9 @@ pub struct Settings {
     pub splits: Vec<String>,
     /// Views for which hull densities were learned.
     pub views: Vec<View>,
+    /// Elevations of cameras whose views were learned, degrees above the horizontal, ascending; none if it was not.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub camera_elevations_deg: Vec<f64>,
     /// Share of the variance that sizes a class basis.
     pub variance_share: f64,
     /// Least and most components of a class basis.
@@ -95,9 +98,28 @@ pub struct Calibration {
     pub noise_inflation: f64,
     /// Completion.
     pub completion: CompletionCalibration,
+    /// What cameras see, if it was learned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraCalibration>,
     /// Held-out objects that the fit used.
     pub objects: usize,
     /// Accuracy of the default method on them, classes weighted alike; a little optimistic, as the blend was fitted to them.
+    pub accuracy: f64,
+    /// Mean negative log posterior of the true class on them, in nats.
+    pub log_loss: f64,
+}
+
+/// How sure the densities of what cameras see may be: log P(s, r) = `pose_weight` · score over the yaw r, and
+/// log P(s) = `blend`.hull · F(s) + `blend`.offsets\[s\] + log prior + constant, F(s) = log Σ_r exp(`pose_weight` · score) / `pose_weight`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraCalibration {
+    /// Factor on the log density, for the yaw.
+    pub pose_weight: f64,
+    /// Factor and offsets for the class.
+    pub blend: Blend,
+    /// Views of shapes that were left out, on which this was fitted.
+    pub views: usize,
+    /// Accuracy on them in unknown yaw, classes weighted alike.
     pub accuracy: f64,
     /// Mean negative log posterior of the true class on them, in nats.
     pub log_loss: f64,

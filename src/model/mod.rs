@@ -4,14 +4,16 @@
 //! follow quickly from these (Cholesky factors, class means as voxels, prefix sums of W') are derived by `perception`.
 
 mod basis;
+mod camera_density;
 mod file;
 mod mapping;
 mod metadata;
 mod view_density;
 
 pub use basis::Basis;
+pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, OFFSETS, YAWS};
 pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
-pub use metadata::{Blend, Calibration, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings};
+pub use metadata::{Blend, Calibration, CameraCalibration, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings};
 pub use view_density::{DIRECTIONS, ViewDensities};
 
 use crate::grid::{Dims, View};
@@ -56,6 +58,8 @@ pub struct Model {
     pub classes: Vec<ClassModel>,
     /// Densities of turned objects seen from above.
     pub view_densities: ViewDensities,
+    /// Densities of what cameras see, if they were learned.
+    pub camera_densities: Option<CameraDensities>,
 }
 
 impl Model {

@@ -6,6 +6,7 @@ use super::lanes::dispatch;
 use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
 use super::percept::Frame;
 use super::{Method, Percept, PoseSearch, Query};
+use crate::grid::Placed;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -39,7 +40,8 @@ impl Perceiver {
             }
             _ => self.complete_by_evidence(work, percept)?,
         }
-        if query.pose != PoseSearch::Known && query.frame == Frame::Grid {
+        let moved = query.pose != PoseSearch::Known || percept.placed != Placed::default();
+        if moved && query.frame == Frame::Grid {
             self.turn_into_grid(work, percept);
         }
         Ok(())
@@ -48,7 +50,7 @@ impl Perceiver {
     /// Turns a completion from the object's frame into the observation's grid. What was observed there stays as observed.
     fn turn_into_grid(&self, work: &mut Workspace, percept: &mut Percept) {
         let Workspace { seen, turn, values: turned, .. } = work;
-        turn.set(&percept.rotation);
+        turn.set_to_grid(&percept.placed);
         let (known, filled) = (seen.known(), seen.filled());
         for values in [&mut percept.occupancy, &mut percept.deviation] {
             turn.values(values, 0.0, turned);

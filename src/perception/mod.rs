@@ -11,14 +11,17 @@
 //! | `blend` | from scores to a posterior | eq. 9 |
 //! | `completion` | probability and deviation per voxel | eq. 6 |
 //! | `pose` | rotations: priors, search, posterior | eqs. 11, 12, 19–21 |
+//! | `camera` | what a camera sees: densities and the search for size and place | |
 //! | `perceiver` | a model prepared for queries; what is asked is handed on to: | |
 //! | `scoring` | class scores in the pose in which an observation stands | |
 //! | `posing` | class and pose jointly | |
+//! | `viewing` | class, yaw, size and place of what a camera sees | |
 //! | `paper_pose` | pose by the paper's estimators | eqs. 11, 12, 19–21 |
 //! | `completing` | the completion, in the frame that was asked for | |
 //! | `timings` | when each stage of a query was done | |
 
 pub mod blend;
+pub(crate) mod camera;
 mod completing;
 pub mod completion;
 mod density;
@@ -40,6 +43,7 @@ mod scoring;
 mod subspace;
 mod tiles;
 mod timings;
+mod viewing;
 mod whitening;
 
 pub(crate) use completing::{LEAST_SHARE, MOST_PARTS};
@@ -49,7 +53,7 @@ pub use method::Method;
 pub use paper::Projection;
 pub use paper_pose::PaperPose;
 pub use perceiver::{PerceiveError, Perceiver, Workspace};
-pub use percept::{Frame, Percept, Query};
+pub use percept::{Frame, Lay, Percept, Query, ScaleSearch};
 pub use pose::{Hypothesis, PoseSearch, RotationPrior};
 pub use projection::ColumnSums;
 pub use subspace::{ClassSubspace, Conditional};

@@ -1,6 +1,7 @@
 //! One query in, one percept out.
 
 use super::blend::{Scores, softmax};
+use super::camera::{CameraScores, ViewWork};
 use super::known::Known;
 use super::pose::circle::Looked;
 use super::pose::posterior::{Merging, Sample};
@@ -10,7 +11,7 @@ use super::subspace::{ClassSubspace, Conditional};
 use super::timings::{Stopwatch, Timings};
 use super::whitening::Whitening;
 use super::{ColumnSums, Density, Percept, PoseSearch, Query};
-use crate::grid::{Dims, Observation, Rotation, Turn};
+use crate::grid::{Dims, Observation, Placed, Rotation, Turn};
 use crate::linear::LinearError;
 use crate::memory::{self, Available};
 use crate::model::{Metadata, Model, ModelError, load, outline};
@@ -32,6 +33,8 @@ pub struct Perceiver {
     pub(super) subspaces: Vec<ClassSubspace>,
     /// Densities of turned objects seen from above, for the search over SO(3).
     pub(super) views: ViewScores,
+    /// Densities of what cameras see, if the model has them.
+    pub(super) cameras: Option<CameraScores>,
     /// Densities of complete objects (the paper's), made on first use.
     pub(super) complete: OnceLock<Vec<Density>>,
     /// Gram matrix of W' (the paper's method), made on first use.
@@ -101,6 +104,8 @@ pub struct Workspace {
     /// Classes that take part in the completion, and their shares.
     pub(super) shares: Vec<(usize, f64)>,
     pub(super) columns: HullColumns,
+    /// What a camera sees.
+    pub(super) view: ViewWork,
     /// What a search about z looked at, the angles that it was told of, and those at which classes are scored.
     pub(super) looked: Looked,
     pub(super) hints: Vec<f64>,
@@ -131,6 +136,7 @@ impl Perceiver {
             common,
             subspaces,
             views: ViewScores::new(&model),
+            cameras: model.camera_densities.as_ref().map(CameraScores::new),
             complete: OnceLock::new(),
             gram: OnceLock::new(),
             noise,
@@ -143,7 +149,9 @@ impl Perceiver {
     pub fn derived_bytes(metadata: &Metadata, rank: usize) -> usize {
         let (dims, views, m) = (metadata.dims, metadata.settings.views.len(), metadata.classes.len());
         let classes: usize = metadata.classes.iter().map(|c| ClassSubspace::bytes(dims, c.basis_size)).sum();
-        classes + ColumnSums::bytes(dims, rank) + views * (m + 1) * Whitening::bytes(rank)
+        // At most as many features as the training learns.
+        let cameras = if metadata.settings.camera_elevations_deg.is_empty() { 0 } else { CameraScores::bytes(64) };
+        classes + ColumnSums::bytes(dims, rank) + views * (m + 1) * Whitening::bytes(rank) + cameras
     }
 
     /// Loads a model file and prepares it for queries, after asking whether there is memory for both: without it, the system would
@@ -181,6 +189,7 @@ impl Perceiver {
             conditionals: self.subspaces.iter().map(|s| Conditional::new(s.size())).collect(),
             shares: Vec::with_capacity(m),
             columns: HullColumns::default(),
+            view: ViewWork::default(),
             looked: Looked::default(),
             hints: Vec::new(),
             finals: Vec::new(),
@@ -213,10 +222,18 @@ impl Perceiver {
         work.read(observation);
         let m = self.model.classes.len();
         percept.informed = !work.known.filled.is_empty();
+        percept.rotation = Rotation::identity();
+        (percept.placed, percept.lay) = (Placed::default(), None);
         for scores in [&mut percept.scores, &mut percept.posterior, &mut percept.log_evidence] {
             scores.clear();
         }
         percept.log_evidence.resize(m, 0.0);
+        if percept.informed && self.is_viewed(query) {
+            self.view(query, work, percept)?;
+            if percept.informed {
+                return Ok(());
+            }
+        }
         if !percept.informed {
             percept.scores.resize(m, 0.0);
             percept.posterior.extend((0..m).map(|s| query.log_prior(s)));

@@ -1,7 +1,8 @@
 //! What is asked, and what is answered.
 
 use super::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
-use crate::grid::{Outside, Rotation, View};
+use crate::grid::{Outside, Placed, Rotation, View};
+use nalgebra::Vector3;
 
 /// In which frame a completion is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -11,6 +12,31 @@ pub enum Frame {
     Grid,
     /// The canonical orientation of the training shapes.
     Object,
+}
+
+/// What is known of the object's size and of its place in the grid.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ScaleSearch {
+    /// They are those of the training shapes: the grid lies about the object as theirs do.
+    #[default]
+    Known,
+    /// The place is to be found, and the size unless it is told.
+    Search {
+        /// The object's longest side, in voxels of the grid.
+        side: Option<f64>,
+    },
+}
+
+/// The box about the object, along its own axes, as a camera's view and the search for size and place give it. Lengths in voxels of the
+/// observation's grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lay {
+    /// Lengths along the object's axes.
+    pub extent: [f64; 3],
+    /// Their standard deviations.
+    pub extent_deviation: [f64; 3],
+    /// Standard deviations of the box's centre along the grid's axes; 0 where it was not searched.
+    pub position_deviation: [f64; 3],
 }
 
 /// A question about one observation.
@@ -26,6 +52,10 @@ pub struct Query {
     pub outside: Outside,
     /// From where the object was seen; `None`: found out from the observation.
     pub view: Option<View>,
+    /// Where the camera was, in voxels from the grid's centre along its axes, if it was one.
+    pub camera: Option<Vector3<f64>>,
+    /// What is known of the object's size and place.
+    pub scale: ScaleSearch,
     /// log P(s) per class, up to a constant; empty for a uniform prior. Classes with −∞ are left out.
     pub log_prior: Vec<f64>,
     /// Whether the hidden part is asked for.
@@ -59,6 +89,11 @@ pub struct Percept {
     pub log_evidence: Vec<f64>,
     /// The pose that is answered and completed: the most probable one of the most probable class, from object axes to grid axes.
     pub rotation: Rotation,
+    /// How the object lies in the grid: `rotation`, and size and place where they were searched. Its shift is where the centre of the
+    /// object's box lies.
+    pub placed: Placed,
+    /// The object's box; `None` where it was not estimated.
+    pub lay: Option<Lay>,
     /// Modes of the posterior over class and pose, most probable first.
     pub hypotheses: Vec<Hypothesis>,
     /// Expected angle to the first hypothesis, radians: 0 in known pose.

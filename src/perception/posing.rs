@@ -7,12 +7,12 @@ use super::pose::circle::{Circle, Looked};
 use super::pose::yaw::log_residual;
 use super::subspace::{ClassSubspace, Conditional};
 use super::{Method, Percept, PoseSearch, Query};
-use crate::grid::{Observation, Rotation, Turn, yaw, yaw_of};
+use crate::grid::{Observation, Placed, Rotation, Turn, yaw, yaw_of};
 use crate::linear::LinearError;
 use rayon::prelude::*;
 
 /// Rotations of a class within this of a mode belong to it.
-const MODE_RADIUS: f64 = 15.0 / 180.0 * std::f64::consts::PI;
+pub(super) const MODE_RADIUS: f64 = 15.0 / 180.0 * std::f64::consts::PI;
 
 impl Perceiver {
     /// Finds class and pose of the observation that `work` has read, and leaves it turned into the object's frame.
@@ -34,6 +34,7 @@ impl Perceiver {
         percept.timings.posed = work.stopwatch.elapsed();
         let of_class = percept.hypotheses.iter().find(|h| h.class == percept.class);
         percept.rotation = of_class.map_or(Rotation::identity(), |h| h.rotation);
+        percept.placed = Placed::turned(percept.rotation);
         work.turn.set(&percept.rotation.inverse());
         work.turn.observation_into(&work.seen, query.outside, &mut work.turned);
         work.known.read(&work.turned);
@@ -183,7 +184,7 @@ impl Perceiver {
     }
 
     /// Log density of the known voxels without a class.
-    fn background(&self, turned: &Observation, known: &Known) -> f64 {
+    pub(super) fn background(&self, turned: &Observation, known: &Known) -> f64 {
         let voxels = turned.known().count_ones(..) as f64;
         -0.5 * (voxels * (std::f64::consts::TAU * self.noise).ln() + known.filled.len() as f64 / self.noise)
     }

@@ -23,10 +23,26 @@ impl Colour {
     pub const KNOWN: Self = Self::rgb(66, 133, 190);
     /// Filled voxels that were predicted.
     pub const PREDICTED: Self = Self::rgb(240, 150, 70);
+    /// Predicted without any certainty.
+    pub const UNSURE: Self = Self::rgb(250, 236, 214);
     /// Unknown space: faint and translucent.
     pub const UNKNOWN: Self = Self { rgb: [150, 156, 166], opacity: 0.10 };
+    /// The object's x axis, as in RViz.
+    pub const X_AXIS: Self = Self::rgb(214, 48, 49);
+    /// The object's y axis.
+    pub const Y_AXIS: Self = Self::rgb(46, 150, 60);
+    /// The object's z axis.
+    pub const Z_AXIS: Self = Self::rgb(40, 90, 220);
+    /// The edges of an object's box.
+    pub const BOX: Self = Self::rgb(70, 130, 90);
+    /// What was seen, where it is not what a picture is about.
+    pub const SEEN_ASIDE: Self = Self::rgb(205, 210, 216);
+    /// Pixels of a depth image without a reading.
+    pub const NO_READING: Self = Self::rgb(176, 178, 182);
     /// Text, axes.
     pub const INK: Self = Self::rgb(50, 54, 62);
+    /// Captions, the grid's axes.
+    pub const QUIET: Self = Self::rgb(112, 118, 128);
     /// Grid lines, less important text.
     pub const FAINT: Self = Self::rgb(214, 218, 224);
     /// Paper.
@@ -70,6 +86,11 @@ impl Colour {
         colour.with_opacity(value.abs())
     }
 
+    /// A predicted voxel or surface: the greater the standard deviation of its occupancy, the paler.
+    pub fn predicted(deviation: f32) -> Self {
+        Self::PREDICTED.mix(Self::UNSURE, deviation / MOST_UNSURE)
+    }
+
     pub(super) fn shaded(self, light: f32) -> Self {
         Self { rgb: self.rgb.map(|c| (f32::from(c) * light).round().clamp(0.0, 255.0) as u8), ..self }
     }
@@ -78,6 +99,9 @@ impl Colour {
         Rgb888::new(self.rgb[0], self.rgb[1], self.rgb[2])
     }
 }
+
+/// The standard deviation of an occupancy from which on it is drawn as quite unsure: completions rarely have more.
+pub const MOST_UNSURE: f32 = 0.3;
 
 /// Size of text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

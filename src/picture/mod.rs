@@ -1,11 +1,17 @@
-//! Pictures, as PNG: voxels in isometric view, simple charts, sheets of pictures with captions.
+//! Pictures, as PNG: voxels in isometric view, what was perceived, depth images, simple charts, sheets of pictures with captions.
 
 mod canvas;
+mod depth;
+mod palette;
+mod perceived;
 mod plot;
 mod scenes;
 mod voxels;
 
-pub use canvas::{Anchor, Colour, Image, SaveError, TextSize, sheet};
+pub use canvas::{Anchor, Colour, Image, MOST_UNSURE, SaveError, TextSize, sheet};
+pub use depth::draw_depth;
+pub use palette::viridis;
+pub use perceived::Perceived;
 pub use plot::{Chart, WeightedSeries};
 pub use scenes::{draw_completion, draw_observation, draw_poses, draw_probability, draw_shape, draw_weights};
 pub use voxels::draw_voxels;

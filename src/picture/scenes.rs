@@ -1,12 +1,12 @@
 //! What the program draws of voxels: shapes, queries, completions, means and modes.
 
-use super::voxels::{Arrow, draw_voxels_and_arrows};
+use super::voxels::{Mark, Scene, draw_scene};
 use super::{Colour, Image, draw_voxels};
 use crate::grid::{Dims, Observation, Occupancy, Rotation};
 use nalgebra::Vector3;
 
 /// Predictions below this probability are not drawn.
-const FAINTEST: f32 = 0.25;
+pub(super) const FAINTEST: f32 = 0.25;
 
 /// Rotations less probable are not drawn.
 const LEAST_DRAWN: f64 = 0.02;
@@ -21,7 +21,7 @@ pub fn draw_observation(observation: &Observation, side: usize) -> Image {
     draw_voxels(observation.dims(), side, side, |v| seen(observation, v))
 }
 
-fn seen(observation: &Observation, voxel: usize) -> Option<Colour> {
+pub(super) fn seen(observation: &Observation, voxel: usize) -> Option<Colour> {
     match (observation.known().contains(voxel), observation.filled().contains(voxel)) {
         (_, true) => Some(Colour::KNOWN),
         (false, false) => Some(Colour::UNKNOWN),
@@ -34,21 +34,30 @@ fn seen(observation: &Observation, voxel: usize) -> Option<Colour> {
 /// thicker.
 pub fn draw_poses(observation: &Observation, poses: impl IntoIterator<Item = (Rotation, f64)>, side: usize) -> Image {
     let dims = observation.dims();
+    draw_scene(&Scene::new(dims, side, side), |v| seen(observation, v), &fronts(dims, poses, side))
+}
+
+/// Arrows for how an object may be turned, in a picture `side` pixels high.
+pub(super) fn fronts(dims: Dims, poses: impl IntoIterator<Item = (Rotation, f64)>, side: usize) -> Vec<Mark> {
     let reach = 0.5 * dims.x().max(dims.y()).max(dims.z()) as f64;
     let mut poses: Vec<(Rotation, f64)> = poses.into_iter().filter(|(_, p)| *p >= LEAST_DRAWN).collect();
     poses.sort_by(|a, b| a.1.total_cmp(&b.1));
     let unit = side as f64 / 200.0;
     let mut arrows = Vec::new();
     for (rotation, p) in &poses {
-        let tip = |axis: Vector3<f64>| <[f64; 3]>::from(reach * (rotation * axis));
-        let width = |most: f64| ((0.35 + 0.65 * p) * most * unit).round().max(1.0) as u32;
+        let arrow = |axis: Vector3<f64>, colour, most: f64| Mark::Arrow {
+            from: [0.0; 3],
+            tip: (reach * (rotation * axis)).into(),
+            colour,
+            width: (0.3 + 0.7 * p) * most * unit,
+        };
         let up = rotation * Vector3::z();
         if up.z < 0.999 {
-            arrows.push(Arrow { tip: tip(Vector3::z()), colour: Colour::SERIES[2], width: width(2.5) });
+            arrows.push(arrow(Vector3::z(), Colour::SERIES[2], 2.0));
         }
-        arrows.push(Arrow { tip: tip(-Vector3::y()), colour: Colour::PREDICTED, width: width(5.0) });
+        arrows.push(arrow(-Vector3::y(), Colour::PREDICTED, 4.0));
     }
-    draw_voxels_and_arrows(dims, side, side, |v| seen(observation, v), &arrows)
+    arrows
 }
 
 /// A completion: what was seen in one colour, what is predicted in another, the more solid the more probable;

@@ -3,7 +3,7 @@
 //! The camera stands at −x, −y and above: x runs to the right and back, y to the left and back, z up. So the faces shown are the
 //! top (+z), on the left that towards −x, on the right that towards −y, the front of ModelNet's chairs and beds.
 
-use super::{Colour, Image};
+use super::{Anchor, Colour, Image, TextSize};
 use crate::grid::Dims;
 
 /// Light on the top face and on the two side faces.
@@ -20,31 +20,69 @@ const TILT: f64 = 0.5;
 /// Draws the voxels that `colour` gives a colour, by index, fitted into a picture of `width` × `height` pixels. Translucent
 /// voxels let through what is behind them; of a translucent body only its outer faces are drawn.
 pub fn draw_voxels(dims: Dims, width: usize, height: usize, colour: impl Fn(usize) -> Option<Colour>) -> Image {
-    draw_voxels_and_arrows(dims, width, height, colour, &[])
+    draw_scene(&Scene::new(dims, width, height), colour, &[])
 }
 
-/// An arrow from the grid's centre.
+/// From which side a grid is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// From −x, −y and above: the side of the camera, where grids are laid along its view.
+    Front,
+    /// From +x, +y and above: what a camera does not see.
+    Back,
+}
+
+/// How a grid is drawn.
 #[derive(Clone, Copy, Debug)]
-pub struct Arrow {
-    /// Its tip from the centre, in voxels along the grid's axes.
-    pub tip: [f64; 3],
-    /// Its colour.
-    pub colour: Colour,
-    /// Its width in pixels.
-    pub width: u32,
+pub struct Scene {
+    pub dims: Dims,
+    /// Pixels.
+    pub width: usize,
+    pub height: usize,
+    pub side: Side,
+    /// Voxels that the picture is fitted to, lowest and one above the highest along each axis; those that are drawn if `None`. Pictures
+    /// with the same have the same scale.
+    pub fitted: Option<[[usize; 3]; 2]>,
 }
 
-/// The same, with arrows over it, the last on top.
-pub fn draw_voxels_and_arrows(
-    dims: Dims,
-    width: usize,
-    height: usize,
-    colour: impl Fn(usize) -> Option<Colour>,
-    arrows: &[Arrow],
-) -> Image {
-    let colours: Vec<Option<Colour>> = (0..dims.voxels()).map(|v| colour(v).filter(|c| c.opacity > 0.0)).collect();
+impl Scene {
+    /// From the front, fitted to what is drawn.
+    pub fn new(dims: Dims, width: usize, height: usize) -> Self {
+        Self { dims, width, height, side: Side::Front, fitted: None }
+    }
+}
+
+/// Something drawn over the voxels. Places are in voxels from the grid's centre along the grid's axes, widths in pixels.
+#[derive(Clone, Debug)]
+pub enum Mark {
+    /// An arrow.
+    Arrow { from: [f64; 3], tip: [f64; 3], colour: Colour, width: f64 },
+    /// A line.
+    Line { from: [f64; 3], to: [f64; 3], colour: Colour, width: f64 },
+    /// Text about its middle.
+    Text { at: [f64; 3], text: String, colour: Colour },
+}
+
+/// Draws voxels, and marks over them, the last on top.
+pub fn draw_scene(scene: &Scene, colour: impl Fn(usize) -> Option<Colour>, marks: &[Mark]) -> Image {
+    let Scene { dims, width, height, .. } = *scene;
+    // From the back: the grid turned by half a circle about z.
+    let turned = |voxel: usize| {
+        let [i, j, k] = dims.coordinates(voxel);
+        match scene.side {
+            Side::Front => voxel,
+            Side::Back => dims.index(dims.x() - 1 - i, dims.y() - 1 - j, k),
+        }
+    };
+    let colours: Vec<Option<Colour>> = (0..dims.voxels()).map(|v| colour(turned(v)).filter(|c| c.opacity > 0.0)).collect();
     let mut view = Projection::fit(dims, width * SAMPLES, height * SAMPLES);
-    view.zoom(dims, (0..dims.voxels()).filter(|v| colours[*v].is_some()));
+    match scene.fitted {
+        None => view.zoom(bounds(dims, |v| colours[v].is_some())),
+        Some([low, high]) => view.zoom(match scene.side {
+            Side::Front => Some([low, high]),
+            Side::Back => Some([[dims.x() - high[0], dims.y() - high[1], low[2]], [dims.x() - low[0], dims.y() - low[1], high[2]]]),
+        }),
+    }
     let mut layer = Layer::new(view.width, view.height);
     let at = |i: usize, j: usize, k: usize| colours[dims.index(i, j, k)];
     // Neighbours towards the camera; what lies beyond the grid is open.
@@ -66,29 +104,58 @@ pub fn draw_voxels_and_arrows(
             }
         }
     }
-    let mut image = layer.finish(width, height, view.edge_width());
     let middle = <[usize; 3]>::from(dims).map(|n| n as f64 / 2.0);
-    let pixel = |at: [f64; 3]| {
-        let (x, y) = view.point(at[0], at[1], at[2]);
-        (x / SAMPLES as f64, y / SAMPLES as f64)
-    };
-    for arrow in arrows {
-        let from = pixel(middle);
-        let to = pixel([0, 1, 2].map(|a| middle[a] + arrow.tip[a]));
-        let round = |(x, y): (f64, f64)| (x.round() as i32, y.round() as i32);
-        image.line(round(from), round(to), arrow.width, arrow.colour);
-        // Two barbs, back from the tip and to its sides.
-        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
-        let length = dx.hypot(dy);
-        if length > 1.0 {
-            let barb = 0.12 * height as f64 / length;
-            for side in [-0.5, 0.5] {
-                let end = (to.0 - barb * (dx - side * dy), to.1 - barb * (dy + side * dx));
-                image.line(round(to), round(end), arrow.width, arrow.colour);
-            }
+    let sign = if scene.side == Side::Front { 1.0 } else { -1.0 };
+    let place = |at: [f64; 3]| view.point(middle[0] + sign * at[0], middle[1] + sign * at[1], middle[2] + at[2]);
+    for mark in marks {
+        match mark {
+            Mark::Arrow { from, tip, colour, width } => layer.arrow(place(*from), place(*tip), width * SAMPLES as f64, *colour),
+            Mark::Line { from, to, colour, width } => layer.line(place(*from), place(*to), width * SAMPLES as f64, *colour),
+            Mark::Text { .. } => {}
+        }
+    }
+    let mut image = layer.finish(width, height, view.edge_width());
+    for mark in marks {
+        if let Mark::Text { at, text, colour } = mark {
+            let (x, y) = place(*at);
+            let half = (TextSize::Small.width(text) / 2 + 2) as f64;
+            // Text is not cut off at the picture's border.
+            let keep = |at: f64, margin: f64, end: usize| (at / SAMPLES as f64).clamp(margin, (end as f64 - margin).max(margin));
+            let (x, y) = (keep(x, half, width), keep(y, 7.0, height));
+            let (x, y, width) = (x.round() as i32, y.round() as i32, TextSize::Small.width(text) as i32);
+            // Legible over voxels too.
+            image.rectangle(x - width / 2 - 1, y - 6, width as u32 + 2, 13, Colour::PAPER.with_opacity(0.75));
+            image.text(text, x, y, TextSize::Small, Anchor::Centre, *colour);
         }
     }
     image
+}
+
+/// The box about some voxels: lowest, and one above the highest.
+pub fn bounds(dims: Dims, is_in: impl Fn(usize) -> bool) -> Option<[[usize; 3]; 2]> {
+    let voxels = (0..dims.voxels()).filter(|v| is_in(*v)).map(|v| dims.coordinates(v));
+    voxels.fold(None, |bounds, voxel| {
+        let [low, high] = bounds.unwrap_or([voxel, voxel]);
+        Some([[0, 1, 2].map(|a| low[a].min(voxel[a])), [0, 1, 2].map(|a| high[a].max(voxel[a] + 1))])
+    })
+}
+
+/// The grid's axes as small arrows, x, y and z named, in the lower left corner.
+pub fn draw_axes(image: &mut Image, side: Side) {
+    let sign = if side == Side::Front { 1.0 } else { -1.0 };
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let rise = (1.0 - TILT * TILT).sqrt();
+    let length = 26.0;
+    // The middle of what the three arrows take lies in the corner.
+    let origin = (40.0, image.height() as f64 - if side == Side::Front { 16.0 } else { 32.0 });
+    let axes = [("x", [sign, 0.0, 0.0]), ("y", [0.0, sign, 0.0]), ("z", [0.0, 0.0, 1.0])];
+    for (name, [x, y, z]) in axes {
+        let (dx, dy) = (half * (x - y), -(half * TILT * (x + y) + rise * z));
+        let end = |t: f64| ((origin.0 + t * dx).round() as i32, (origin.1 + t * dy).round() as i32);
+        image.line(end(0.0), end(length), 1, Colour::QUIET);
+        let (x, y) = end(length + 9.0);
+        image.text(name, x, y, TextSize::Small, Anchor::Centre, Colour::QUIET);
+    }
 }
 
 fn voxel_id(dims: Dims, [i, j, k]: [usize; 3]) -> u32 {
@@ -117,16 +184,9 @@ impl Projection {
         Self { scale, origin: (left, bottom), width, height }
     }
 
-    /// Grids are mostly padded: enlarges about the middle by `ZOOM`, less where what is drawn would not fit.
-    fn zoom(&mut self, dims: Dims, drawn: impl Iterator<Item = usize>) {
-        let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
-        for voxel in drawn.map(|v| dims.coordinates(v).map(|n| n as f64)) {
-            low = [0, 1, 2].map(|a| low[a].min(voxel[a]));
-            high = [0, 1, 2].map(|a| high[a].max(voxel[a] + 1.0));
-        }
-        if low[0] > high[0] {
-            return;
-        }
+    /// Grids are mostly padded: enlarges about the middle by `ZOOM`, less where a box of voxels would not fit.
+    fn zoom(&mut self, fitted: Option<[[usize; 3]; 2]>) {
+        let Some([low, high]) = fitted.map(|corners| corners.map(|corner| corner.map(|n| n as f64))) else { return };
         let middle = (self.width as f64 / 2.0, self.height as f64 / 2.0);
         let reach = (0..8).map(|c: usize| {
             let corner = [0, 1, 2].map(|a| if c >> a & 1 == 0 { low[a] } else { high[a] });
@@ -160,6 +220,9 @@ impl Projection {
         ((self.scale * 0.08).round() as usize).min(2 * SAMPLES)
     }
 }
+
+/// What marks have in place of a voxel and face.
+const MARK: (u32, u8) = (u32::MAX, 0);
 
 /// The picture in the making, several samples per pixel.
 struct Layer {
@@ -204,10 +267,41 @@ impl Layer {
         }
     }
 
+    /// Draws a line over everything.
+    fn line(&mut self, from: (f64, f64), to: (f64, f64), width: f64, colour: Colour) {
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        let length = dx.hypot(dy);
+        if length > 0.0 {
+            let (x, y) = (-dy / length * width / 2.0, dx / length * width / 2.0);
+            let corners = [(from.0 + x, from.1 + y), (to.0 + x, to.1 + y), (to.0 - x, to.1 - y), (from.0 - x, from.1 - y)];
+            self.fill(&corners, colour, MARK);
+        }
+    }
+
+    /// Draws an arrow over everything.
+    fn arrow(&mut self, from: (f64, f64), tip: (f64, f64), width: f64, colour: Colour) {
+        let (dx, dy) = (tip.0 - from.0, tip.1 - from.1);
+        let length = dx.hypot(dy);
+        if length < width {
+            // It points at the eye, or away from it.
+            return self.line((from.0 - width, from.1), (from.0 + width, from.1), 2.0 * width, colour);
+        }
+        let (ux, uy) = (dx / length, dy / length);
+        let head = (4.0 * width).min(0.6 * length);
+        let neck = (tip.0 - head * ux, tip.1 - head * uy);
+        self.line(from, neck, width, colour);
+        let half = 0.45 * head;
+        let (left, right) = ((neck.0 - half * uy, neck.1 + half * ux), (neck.0 + half * uy, neck.1 - half * ux));
+        self.fill(&[left, tip, right, right], colour, MARK);
+    }
+
     /// Darkens borders between faces and averages the samples of each pixel.
     fn finish(self, width: usize, height: usize, edge: usize) -> Image {
         let is_border = |x: usize, y: usize| {
             let own = self.faces[y * self.width + x];
+            if own == MARK {
+                return false;
+            }
             let reach = edge.div_ceil(2);
             let other = |x: usize, y: usize| self.faces[y * self.width + x] != own;
             (x + reach < self.width && other(x + reach, y)) || (y + reach < self.height && other(x, y + reach))

@@ -3,14 +3,15 @@
 use super::asked::ask;
 use super::streams::Waiting;
 use super::tracks::Tracks;
-use crate::grid::{Observation, Rotation, to_xyzw};
+use crate::grid::{Observation, Rotation, from_xyzw, to_xyzw};
 use crate::model::Model;
 use crate::perception::lanes::to_bytes;
-use crate::perception::{self, Method, PerceiveError, Perceiver, Query, Workspace};
+use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
 use beo_ipc::validate::check_deadline;
-use beo_ipc::{Hypothesis, LoanError, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use beo_ipc::{Hypothesis, LoanError, ObservationHeader, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use nalgebra::Vector3;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -94,6 +95,7 @@ impl Answerer {
             *field = Hypothesis { rotation_object_to_grid: quaternion(&h.rotation), class_index: h.class as u32, probability };
         }
         percept.rotation_spread_rad = answer.spread as f32;
+        place(&mut percept, answer);
         if header.tasks & tasks::COMPLETION != 0 {
             match self.complete(server, waiting) {
                 Ok(()) => {
@@ -135,12 +137,39 @@ impl Answerer {
         header.method = method_code(self.query.method).code();
         header.rotation_object_to_grid = quaternion(&self.percept.rotation);
         header.frame = waiting.header.completion_frame;
+        if self.query.frame == Frame::Object {
+            // The canonical grid lies elsewhere and has other voxels where size and place were searched.
+            header.position_m = object_position(&waiting.header, &self.percept);
+            header.voxel_size_m *= self.percept.placed.scale as f32;
+        }
         let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
         for (bytes, values) in [(occupancy, &self.percept.occupancy), (deviation, &self.percept.deviation)] {
             to_bytes(values, bytes);
         }
         loan.send().map_err(|error| error.to_string())
     }
+}
+
+/// Writes where the object is and how big.
+fn place(percept: &mut Percept, answer: &perception::Percept) {
+    let voxel = f64::from(percept.voxel_size_m);
+    let metres = |lengths: [f64; 3]| lengths.map(|v| (v * voxel) as f32);
+    percept.object_position_m = position(percept.position_m, percept.orientation, &(answer.placed.shift * voxel));
+    if let Some(lay) = &answer.lay {
+        percept.object_extent_m = metres(lay.extent);
+        percept.object_extent_deviation_m = metres(lay.extent_deviation);
+        percept.object_position_deviation_m = metres(lay.position_deviation);
+    }
+}
+
+/// The object's centre in the frame in which the grid's placement is given, metres.
+fn object_position(header: &ObservationHeader, answer: &perception::Percept) -> [f64; 3] {
+    position(header.position_m, header.orientation, &(answer.placed.shift * f64::from(header.voxel_size_m)))
+}
+
+/// A point of the grid (metres from its centre) in the frame in which the grid lies so.
+fn position(centre: [f64; 3], orientation: [f64; 4], point: &Vector3<f64>) -> [f64; 3] {
+    (Vector3::from(centre) + from_xyzw(orientation) * point).into()
 }
 
 /// Why a valid header cannot be answered by this daemon, if so.

@@ -1,14 +1,25 @@
 //! What the header of a valid observation asks for, as a query.
 
 use crate::grid::{Outside, View, from_xyzw};
-use crate::perception::{Frame, PoseSearch, Query, RotationPrior};
+use crate::perception::{Frame, PoseSearch, Query, RotationPrior, ScaleSearch};
 use beo_ipc::ObservationHeader;
+use nalgebra::Vector3;
 
 /// Sets in `query` what `header` asks for. `known` is the search for observations that say that their pose is known.
 pub fn ask(query: &mut Query, header: &ObservationHeader, known: PoseSearch) {
     query.view = match beo_ipc::View::from_code(header.view) {
         Some(beo_ipc::View::TopDown) => Some(View::Top),
         _ => None,
+    };
+    let voxel = f64::from(header.voxel_size_m);
+    query.camera = (beo_ipc::View::from_code(header.view) == Some(beo_ipc::View::Camera))
+        .then(|| Vector3::from(header.sensor_position_m.map(|v| f64::from(v) / voxel)));
+    query.scale = match beo_ipc::ScaleSearch::from_code(header.scale_search) {
+        Some(beo_ipc::ScaleSearch::Search) => {
+            let side = f64::from(header.known_side_m) / voxel;
+            ScaleSearch::Search { side: (side > 0.0).then_some(side) }
+        }
+        _ => ScaleSearch::Known,
     };
     query.pose = match beo_ipc::PoseSearch::from_code(header.pose_search) {
         Some(beo_ipc::PoseSearch::Yaw) => PoseSearch::YAW,

@@ -7,6 +7,7 @@
 mod binvox;
 mod error;
 pub mod furniture;
+pub mod household;
 pub mod library;
 mod mesh;
 mod npy;

@@ -77,6 +77,9 @@ fn spoil(header: &mut ObservationHeader, random: &mut ChaCha8Rng) {
     perhaps!(header.continues, bits(random));
     perhaps!(header.rotation_prior_concentration, single(random));
     perhaps!(header.rotation_prior, [(); 4].map(|()| single(random)));
+    perhaps!(header.sensor_position_m, [(); 3].map(|()| single(random)));
+    perhaps!(header.scale_search, bits(random));
+    perhaps!(header.known_side_m, single(random));
     perhaps!(header.reserved, [random.next_u32() as u8; 4]);
 }
 

@@ -1,0 +1,151 @@
+//! `beo record`: writes what the daemon is asked and answers into an MCAP file.
+
+use super::answers::{as_json, as_text, completion_of, label};
+use super::failure::Failure;
+use super::observe::{first_status, seconds};
+use super::stop;
+use crate::recording::Recorder;
+use beo_ipc::clock::monotonic_ns;
+use beo_ipc::text::from_field;
+use beo_ipc::{InstanceName, ObservationReader, OpenError, Status, Subscriber, SubscriberOptions};
+use clap::Args;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Record what the daemon is asked and answers into an MCAP file, for Foxglove and Rerun
+///
+/// Topics: /beo/observation (point cloud of what was seen), /beo/completion (its surface, more transparent where unsure) and
+/// /beo/completion_points (its filled voxels, as Rerun draws no surfaces), /beo/object (class, pose hypotheses, box), /beo/pose, /tf, /beo/log, and /beo/percept (JSON as `beo watch --json` prints it). Ctrl-C ends the file properly; of
+/// a recorder that is killed, all but the last second can be recovered.
+#[derive(Args)]
+pub struct Record {
+    /// The file to write
+    #[arg(value_name = "OUT.mcap")]
+    out: PathBuf,
+    /// Instance of the daemon
+    #[arg(long, default_value_t = InstanceName::default(), value_name = "NAME")]
+    instance: InstanceName,
+    /// End after this many percepts
+    #[arg(long, value_name = "N")]
+    count: Option<u64>,
+    /// End after this many seconds
+    #[arg(long, value_name = "SECONDS")]
+    seconds: Option<f64>,
+    /// Seconds to wait for a daemon
+    #[arg(long, default_value_t = 10.0, value_name = "SECONDS")]
+    wait: f64,
+}
+
+/// How much of a recording may be lost where this process is killed.
+const FLUSH: Duration = Duration::from_secs(1);
+
+impl Record {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        let wait = seconds(self.wait)?;
+        let length = match self.seconds {
+            None => None,
+            Some(length) if length > 0.0 => {
+                Some(Duration::try_from_secs_f64(length).map_err(|_| Failure::Usage(format!("--seconds {length}: use fewer seconds")))?)
+            }
+            Some(length) => return Err(Failure::Usage(format!("--seconds {length}: use a number above 0"))),
+        };
+        let stop = stop::on_signal()?;
+        let deadline = Instant::now() + wait;
+        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions { completion: true }, wait)?;
+        let mut status = first_status(&subscriber, deadline)?;
+        let observations = match ObservationReader::open(&self.instance) {
+            Ok(reader) => Some(reader),
+            Err(OpenError::Full { .. }) => {
+                eprintln!("warning: another recorder reads the observations; what was seen is taken from the completions");
+                None
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let mut recorder = Recorder::create(&self.out, notes(&self.instance, &status))?;
+        recorder.say(served(&status), monotonic_ns())?;
+        recorder.flush()?;
+        // Whoever starts a producer after this line misses nothing.
+        eprintln!("recording `{}`", self.instance);
+        let (start, mut taken) = (Instant::now(), 0);
+        let mut housekeeping = Instant::now();
+        let is_done = |taken: u64| {
+            self.count.is_some_and(|count| taken >= count)
+                || length.is_some_and(|length| start.elapsed() >= length)
+                || stop.load(Ordering::Relaxed)
+        };
+        while !is_done(taken) {
+            subscriber.wait(Duration::from_millis(50))?;
+            take_observations(observations.as_ref(), &mut recorder)?;
+            while !is_done(taken) {
+                let Some(percept) = subscriber.take_percept()? else { break };
+                let now_ns = monotonic_ns();
+                let completion = completion_of(&subscriber, &percept)?;
+                if percept.model_id != status.model_id
+                    && let Some(newer) = subscriber.status()?
+                {
+                    if newer.model_id != status.model_id {
+                        recorder.say(served(&newer), now_ns)?;
+                    }
+                    status = newer;
+                }
+                if let Some(completion) = &completion {
+                    let (occupancy, deviation) = (completion.occupancy(), completion.deviation());
+                    recorder.completion(completion.header(), occupancy, deviation, observations.is_none(), now_ns)?;
+                }
+                let (line, json) = (as_text(&percept, &completion, &status, now_ns), as_json(&percept, &completion, &status, now_ns));
+                recorder.percept(&percept, label(&percept, &status), line, &json, now_ns)?;
+                taken += 1;
+                take_observations(observations.as_ref(), &mut recorder)?;
+            }
+            if housekeeping.elapsed() > FLUSH {
+                subscriber.maintain();
+                observations.iter().for_each(ObservationReader::maintain);
+                recorder.flush()?;
+                housekeeping = Instant::now();
+            }
+        }
+        let recorded = recorder.finish()?;
+        say!(
+            "recorded {} percepts, {} completions and {} observations in {:.1} s: {} messages, {:.1} MB in {}",
+            recorded.percepts,
+            recorded.completions,
+            recorded.observations,
+            start.elapsed().as_secs_f64(),
+            recorded.messages,
+            recorded.bytes as f64 / 1e6,
+            self.out.display()
+        );
+        Ok(())
+    }
+}
+
+/// Records the observations that wait. One that is broken is passed over: the daemon refuses it and says why.
+fn take_observations(reader: Option<&ObservationReader>, recorder: &mut Recorder) -> Result<(), Failure> {
+    let Some(reader) = reader else { return Ok(()) };
+    while let Some(observation) = reader.take_observation()? {
+        if let Ok(voxels) = observation.voxels() {
+            recorder.observation(observation.header(), voxels, monotonic_ns())?;
+        }
+    }
+    Ok(())
+}
+
+/// What the daemon serves, as a line of the log.
+fn served(status: &Status) -> String {
+    let names: Vec<&str> = status.class_names().collect();
+    format!("model {} for grids of {:?}, classes {}", from_field(&status.model_name), status.dims, names.join(", "))
+}
+
+fn notes(instance: &InstanceName, status: &Status) -> BTreeMap<String, String> {
+    let notes = [
+        ("instance", instance.to_string()),
+        ("daemon_id", status.daemon_id.to_string()),
+        ("model_id", format!("{:016x}", status.model_id)),
+        ("model_name", from_field(&status.model_name).to_owned()),
+        ("classes", status.class_names().collect::<Vec<_>>().join(",")),
+    ];
+    notes.into_iter().map(|(name, note)| (name.to_owned(), note)).collect()
+}

@@ -1,0 +1,83 @@
+//! What objects look like to a camera at some elevation when turned about the vertical: a Gaussian of hull features for each class,
+//! elevation and yaw, and a regression of where the object lies on these features.
+
+use half::f16;
+use std::f64::consts::TAU;
+
+/// Steps of yaw around the circle.
+pub const YAWS: usize = 24;
+/// Cells of the view's frame over which hulls are averaged: 15 along each axis.
+pub const CELLS: usize = 15 * 15 * 15;
+/// What is regressed on the features, in the view's frame (`perception::camera::ViewFrame`): the rest of the yaw, radians; the logarithm
+/// of the scale, its unit per voxel of the canonical grid; the place of the canonical grid's centre, x, y, z; the lengths of the object's
+/// box along its axes.
+pub const OFFSETS: usize = 8;
+
+/// Gaussians of the features z = Bᵀ · pooled hull in the view's frame: p features, m classes, `[elevation][yaw][class]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraDensities {
+    /// Elevations of the camera above the horizontal that were learned, radians, ascending.
+    pub elevations: Vec<f64>,
+    /// Number of features, p.
+    pub size: usize,
+    /// B, one row of p values per cell.
+    pub basis: Vec<f16>,
+    /// Means, p values each.
+    pub means: Vec<f16>,
+    /// Rows of L⁻¹ of the covariances S = L Lᵀ, lower triangular and packed.
+    pub whitening: Vec<f16>,
+    /// Means of the [`OFFSETS`], that many values each.
+    pub offsets: Vec<f32>,
+    /// Regression of the offsets less their mean on z less its mean, `[offset]` p values each.
+    pub regression: Vec<f16>,
+    /// Standard deviations of the offsets given z, that many values each.
+    pub deviations: Vec<f32>,
+}
+
+impl CameraDensities {
+    /// Where an elevation, yaw and class stand among the Gaussians.
+    pub fn place(&self, elevation: usize, yaw: usize, class: usize, classes: usize) -> usize {
+        (elevation * YAWS + yaw) * classes + class
+    }
+
+    /// The angle of a step of yaw, radians.
+    pub fn yaw(step: usize) -> f64 {
+        step as f64 * TAU / YAWS as f64
+    }
+
+    /// The learned elevations on both sides of one, with their weights; twice the same beyond the ends.
+    pub fn beside(&self, elevation: f64) -> [(usize, f64); 2] {
+        let last = self.elevations.len() - 1;
+        let above = self.elevations.partition_point(|e| *e < elevation);
+        if above == 0 || above > last {
+            return [(above.min(last), 1.0), (above.min(last), 0.0)];
+        }
+        let [low, high] = [self.elevations[above - 1], self.elevations[above]];
+        let share = (elevation - low) / (high - low);
+        [(above - 1, 1.0 - share), (above, share)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elevations_between_two_are_shared_by_them() {
+        let densities = CameraDensities {
+            elevations: vec![0.2, 0.6, 1.0],
+            size: 0,
+            basis: vec![],
+            means: vec![],
+            whitening: vec![],
+            offsets: vec![],
+            regression: vec![],
+            deviations: vec![],
+        };
+        assert_eq!(densities.beside(0.1), [(0, 1.0), (0, 0.0)]);
+        assert_eq!(densities.beside(1.5), [(2, 1.0), (2, 0.0)]);
+        let [(low, a), (high, b)] = densities.beside(0.7);
+        assert_eq!((low, high), (1, 2));
+        assert!((a - 0.75).abs() < 1e-12 && (b - 0.25).abs() < 1e-12);
+    }
+}

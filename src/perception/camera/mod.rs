@@ -1,0 +1,15 @@
+//! What a camera sees, from any elevation: class, yaw, size and place of upright objects.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `view_frame` | the frame in which views are compared |
+//! | `scores` | log densities of a view for each class and step of yaw, and where the object then lies |
+//! | `search` | size, place and yaw refined by the evidence, coarse to fine |
+
+mod scores;
+mod search;
+mod view_frame;
+
+pub(crate) use scores::{CameraScores, Cell, Told, ViewWork, wrapped};
+pub(crate) use search::{Placement, Refined, refine};
+pub(crate) use view_frame::{CELLS, SEEN, ViewFrame};

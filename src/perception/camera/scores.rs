@@ -1,0 +1,188 @@
+//! Log densities of what a camera sees, for each class and step of yaw, and how the object would then lie.
+//!
+//! Hull features z in the view's frame have a Gaussian for each class, step of yaw and learned elevation; how exactly the object lies (the
+//! offsets δ) has a Gaussian given z. What is told of the pose, the size or the place is scored as an observation of δ:
+//! log p(z, δ) = log N(z) + log N(δ | z). As z is the same data for all of them, this is a likelihood over class, yaw, size and place.
+
+use super::view_frame::{CELLS, ViewFrame};
+use crate::grid::Observation;
+use crate::model::{CameraDensities, OFFSETS, YAWS};
+use crate::perception::density::dot;
+use half::slice::HalfFloatSliceExt;
+use nalgebra::Vector3;
+use std::f64::consts::{PI, TAU};
+
+/// A step of yaw is looked at if it is within this many steps of a yaw that is told.
+const REACH: f64 = 1.5;
+
+/// What is known already, in the view's frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Told {
+    /// The object's yaw, radians.
+    pub yaw: Option<f64>,
+    /// Units per voxel of the canonical grid.
+    pub scale: Option<f64>,
+    /// The centre of the canonical grid, units.
+    pub place: Option<Vector3<f64>>,
+}
+
+/// One class at one step of yaw.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    /// The class.
+    pub class: usize,
+    /// The step of yaw.
+    pub step: usize,
+    /// Log density, up to a constant.
+    pub score: f64,
+    /// Expected offsets given the view.
+    pub offsets: [f64; OFFSETS],
+    /// Their standard deviations.
+    pub deviations: [f64; OFFSETS],
+}
+
+impl Cell {
+    /// The expected yaw in the view's frame, radians.
+    pub fn yaw(&self) -> f64 {
+        CameraDensities::yaw(self.step) + self.offsets[0]
+    }
+
+    /// The expected scale: units per voxel of the canonical grid.
+    pub fn scale(&self) -> f64 {
+        self.offsets[1].exp()
+    }
+
+    /// The expected place of the canonical grid's centre, units.
+    pub fn place(&self) -> Vector3<f64> {
+        Vector3::new(self.offsets[2], self.offsets[3], self.offsets[4])
+    }
+}
+
+/// A model's densities, ready for queries.
+pub struct CameraScores {
+    /// B, widened.
+    basis: Vec<f32>,
+    size: usize,
+}
+
+/// Scratch memory.
+#[derive(Default)]
+pub struct ViewWork {
+    /// For sorting.
+    pub along: Vec<f64>,
+    hull: Vec<f32>,
+    features: Vec<f32>,
+    mean: Vec<f32>,
+    whitening: Vec<f32>,
+    regression: Vec<f32>,
+    /// The outcome.
+    pub cells: Vec<Cell>,
+}
+
+impl CameraScores {
+    /// Prepares densities.
+    pub fn new(densities: &CameraDensities) -> Self {
+        debug_assert_eq!(densities.basis.len(), CELLS * densities.size);
+        let mut basis = vec![0.0; densities.basis.len()];
+        densities.basis.convert_to_f32_slice(&mut basis);
+        Self { basis, size: densities.size }
+    }
+
+    /// Bytes that [`Self::new`] takes for `size` features.
+    pub fn bytes(size: usize) -> usize {
+        4 * CELLS * size
+    }
+
+    /// Features of what is seen in a frame, into `out`.
+    pub fn features(&self, frame: &ViewFrame, observation: &Observation, hull: &mut Vec<f32>, out: &mut Vec<f32>) {
+        frame.hull(observation, hull);
+        out.clear();
+        out.resize(self.size, 0.0);
+        for (share, row) in hull.iter().zip(self.basis.chunks_exact(self.size)).filter(|(share, _)| **share != 0.0) {
+            out.iter_mut().zip(row).for_each(|(sum, v)| *sum += share * v);
+        }
+    }
+
+    /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`.
+    pub fn score(
+        &self,
+        densities: &CameraDensities,
+        frame: &ViewFrame,
+        observation: &Observation,
+        told: &Told,
+        wanted: &[bool],
+        work: &mut ViewWork,
+    ) {
+        let ViewWork { hull, features, mean, whitening, regression, cells, .. } = work;
+        self.features(frame, observation, hull, features);
+        let (p, m) = (self.size, wanted.len());
+        let triangle = p * (p + 1) / 2;
+        mean.resize(p, 0.0);
+        whitening.resize(triangle, 0.0);
+        regression.resize(OFFSETS * p, 0.0);
+        cells.clear();
+        let elevations = densities.beside(frame.elevation);
+        for step in 0..YAWS {
+            let rest = told.yaw.map(|yaw| wrapped(yaw - CameraDensities::yaw(step)));
+            if rest.is_some_and(|rest| rest.abs() > REACH * TAU / YAWS as f64) {
+                continue;
+            }
+            for class in (0..m).filter(|class| wanted[*class]) {
+                let mut cell = Cell { class, step, score: f64::NEG_INFINITY, offsets: [0.0; OFFSETS], deviations: [0.0; OFFSETS] };
+                for (elevation, share) in elevations.into_iter().filter(|(_, share)| *share > 0.0) {
+                    let place = densities.place(elevation, step, class, m);
+                    densities.means[place * p..(place + 1) * p].convert_to_f32_slice(mean);
+                    densities.whitening[place * triangle..(place + 1) * triangle].convert_to_f32_slice(whitening);
+                    densities.regression[place * OFFSETS * p..(place + 1) * OFFSETS * p].convert_to_f32_slice(regression);
+                    mean.iter_mut().zip(&*features).for_each(|(mean, z)| *mean = z - *mean);
+                    let (mut distance2, mut log_volume, mut start) = (0.0, 0.0, 0);
+                    for i in 0..p {
+                        let row = &whitening[start..start + i + 1];
+                        distance2 += f64::from(dot(row, &mean[..i + 1])).powi(2);
+                        log_volume += f64::from(row[i]).ln();
+                        start += i + 1;
+                    }
+                    let offset = |j: usize| {
+                        f64::from(densities.offsets[place * OFFSETS + j]) + f64::from(dot(&regression[j * p..(j + 1) * p], mean))
+                    };
+                    let offsets: [f64; OFFSETS] = std::array::from_fn(offset);
+                    let deviations: [f64; OFFSETS] = std::array::from_fn(|j| f64::from(densities.deviations[place * OFFSETS + j]));
+                    let told = told.offsets(rest);
+                    let log_told: f64 = (0..OFFSETS)
+                        .filter_map(|j| told[j].map(|v| -0.5 * ((v - offsets[j]) / deviations[j]).powi(2) - deviations[j].ln()))
+                        .sum();
+                    let score = share.ln() + log_volume - 0.5 * distance2 + log_told;
+                    cell.add(score, &offsets, &deviations);
+                }
+                cells.push(cell);
+            }
+        }
+    }
+}
+
+impl Cell {
+    /// Adds a part of the mixture.
+    fn add(&mut self, score: f64, offsets: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) {
+        let peak = self.score.max(score);
+        let (old, new) = ((self.score - peak).exp(), (score - peak).exp());
+        let share = new / (old + new);
+        for j in 0..OFFSETS {
+            self.offsets[j] += share * (offsets[j] - self.offsets[j]);
+            self.deviations[j] += share * (deviations[j] - self.deviations[j]);
+        }
+        self.score = peak + (old + new).ln();
+    }
+}
+
+impl Told {
+    /// As offsets, `rest` being what is left of the yaw.
+    fn offsets(&self, rest: Option<f64>) -> [Option<f64>; OFFSETS] {
+        let place = |axis: usize| self.place.map(|place| place[axis]);
+        [rest, self.scale.map(f64::ln), place(0), place(1), place(2), None, None, None]
+    }
+}
+
+/// An angle in [−π, π).
+pub fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}

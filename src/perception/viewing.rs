@@ -1,0 +1,304 @@
+//! Class, yaw, size and place of an upright object, as a camera sees it from any elevation.
+//!
+//! The densities of the view (`camera::scores`) give class and yaw and where the object is to be expected; the evidence compares a few
+//! sizes, places and angles about that, coarse to fine (`camera::search`). Without such densities, or by another method, the evidence
+//! scores all steps of yaw at the size that what is visible suggests.
+//!
+//! The evidence of an object that is placed is that of the observation moved to its canonical grid. There a voxel stands for scale³ of
+//! those that were observed, so that log evidence relative to the background, times scale³, speaks of the same data whatever the scale.
+
+use super::blend::softmax;
+use super::camera::{Cell, Placement, Told, ViewFrame, refine};
+use super::known::Known;
+use super::perceiver::{PerceiveError, Perceiver, Workspace, most_probable};
+use super::percept::{Lay, ScaleSearch};
+use super::pose::posterior::Sample;
+use super::posing::MODE_RADIUS;
+use super::subspace::Conditional;
+use super::{Method, Percept, PoseSearch, Query};
+use crate::grid::{Observation, Placed, Turn, yaw};
+use crate::linear::LinearError;
+use crate::model::{CameraDensities, OFFSETS, YAWS};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Modes of the most probable class that are refined, at most; only those within so much of the best, in nats.
+const MOST_REFINED: usize = 3;
+const HOPELESS: f64 = 3.0;
+/// What is visible is this share of the longest side, and the place of the centre that far from that of what is visible (units), where no
+/// density says it.
+const VISIBLE: f64 = 0.92;
+const UNSURE: [f64; OFFSETS] = [0.1, 0.1, 1.5, 1.0, 1.0, 4.0, 4.0, 4.0];
+
+impl Perceiver {
+    /// Whether a query is one about what a camera sees.
+    pub(super) fn is_viewed(&self, query: &Query) -> bool {
+        let by_density =
+            query.camera.is_some() && self.model.camera_densities.is_some() && matches!(query.method, Method::Auto | Method::Hull);
+        query.pose != PoseSearch::Full && (by_density || query.scale != ScaleSearch::Known) && query.method != Method::Paper
+    }
+
+    /// Class and lay of what `work` has read; leaves the observation moved to the object's canonical grid. Sets `percept.informed` to
+    /// whether anything is seen.
+    pub(super) fn view(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
+        let m = self.model.classes.len();
+        work.wanted.iter_mut().enumerate().for_each(|(s, wanted)| *wanted = query.log_prior(s) > f64::NEG_INFINITY);
+        // Seen from no stated place: as if from the front, well above.
+        let camera = query.camera.unwrap_or(Vector3::new(-100.0, 0.0, 80.0));
+        let Some(frame) = ViewFrame::new(&work.seen, &camera, &mut work.view.along) else {
+            percept.informed = false;
+            return Ok(());
+        };
+        let told = self.told(query, &frame);
+        let (pose_weight, blend) = self.score_view(query, &frame, &told, work)?;
+        percept.timings.projected = work.stopwatch.elapsed();
+
+        let prior = query.rotation_prior.log_density(query.pose);
+        let span = match query.pose {
+            PoseSearch::Yaw { span } => span,
+            _ => TAU,
+        };
+        work.samples.clear();
+        work.samples.extend(work.view.cells.iter().filter_map(|cell| {
+            let angle = (frame.azimuth + cell.yaw()).rem_euclid(TAU);
+            let rotation = if query.pose == PoseSearch::Known { percept.rotation } else { yaw(angle) };
+            let allowed = query.pose == PoseSearch::Known || span > TAU - 1e-9 || angle < span;
+            let log_density = pose_weight * cell.score + prior(&rotation);
+            allowed.then_some(Sample { rotation, class: cell.class, log_density, share: 1.0 / YAWS as f64 })
+        }));
+        percept.scores.clear();
+        percept.posterior.clear();
+        for s in 0..m {
+            let of_class = || work.samples.iter().filter(|sample| sample.class == s).map(|sample| sample.log_density);
+            let peak = of_class().fold(f64::NEG_INFINITY, f64::max);
+            let score = if peak.is_finite() { (peak + of_class().map(|v| (v - peak).exp()).sum::<f64>().ln()) / pose_weight } else { peak };
+            percept.scores.push(score);
+            percept.posterior.push(blend.0 * score + blend.1.get(s).copied().unwrap_or(0.0) + query.log_prior(s));
+        }
+        softmax(&mut percept.posterior);
+        percept.scores.iter_mut().filter(|score| !score.is_finite()).for_each(|score| *score = 0.0);
+        percept.class = most_probable(&percept.posterior);
+        percept.timings.classified = work.stopwatch.elapsed();
+        percept.spread = work.merging.hypotheses(&work.samples, &percept.posterior, MODE_RADIUS, true, &mut percept.hypotheses);
+        self.lay(query, &frame, &told, pose_weight, work, percept)?;
+        percept.timings.posed = work.stopwatch.elapsed();
+        work.turn.set_to_object(&percept.placed);
+        work.turn.observation_into(&work.seen, query.outside, &mut work.turned);
+        work.known.read(&work.turned);
+        work.forget();
+        Ok(())
+    }
+
+    /// What the query tells, in the view's frame.
+    fn told(&self, query: &Query, frame: &ViewFrame) -> Told {
+        let (_, scale, place) = frame.seen(&Placed::default());
+        let yaw = (query.pose == PoseSearch::Known).then_some(-frame.azimuth);
+        match query.scale {
+            ScaleSearch::Known => Told { yaw, scale: Some(scale), place: Some(place) },
+            ScaleSearch::Search { side } => {
+                let longest = self.model.metadata.settings.longest_side as f64;
+                Told { yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
+            }
+        }
+    }
+
+    /// Scores classes and steps of yaw into `work.view.cells`; gives the weight of scores in the posterior of the yaw, and weight and
+    /// offsets in that of the class.
+    fn score_view(
+        &self,
+        query: &Query,
+        frame: &ViewFrame,
+        told: &Told,
+        work: &mut Workspace,
+    ) -> Result<(f64, (f64, &[f64])), PerceiveError> {
+        let calibration = &self.model.metadata.calibration;
+        if let (Some(densities), Some(cameras), Some(camera), Method::Auto | Method::Hull) =
+            (&self.model.camera_densities, &self.cameras, &calibration.camera, query.method)
+            && query.camera.is_some()
+        {
+            cameras.score(densities, frame, &work.seen, told, &work.wanted, &mut work.view);
+            return Ok((camera.pose_weight, (camera.blend.hull, &camera.blend.offsets)));
+        }
+        let blend = &calibration.evidence;
+        let (steps, seen, wanted): (Vec<f64>, _, _) = (steps(told), &work.seen, &work.wanted);
+        let expected = self.expectation(told);
+        let cells: Vec<Vec<Cell>> = steps
+            .par_iter()
+            .map(|angle| {
+                let step = (angle.rem_euclid(TAU) / TAU * YAWS as f64).round() as usize % YAWS;
+                let mut offsets = expected;
+                offsets[0] = angle - CameraDensities::yaw(step);
+                let (mut moved, mut turn) = self.moving();
+                let mut cells = Vec::new();
+                for class in (0..wanted.len()).filter(|class| wanted[*class]) {
+                    let mut conditional = Conditional::new(self.subspaces[class].size());
+                    let mut cell = Cell { class, step, score: 0.0, offsets, deviations: UNSURE };
+                    let placed = frame.placed(*angle, cell.scale(), &cell.place());
+                    cell.score = self.moved_evidence(query, seen, &placed, class, &mut turn, &mut moved, &mut conditional)?;
+                    cells.push(cell);
+                }
+                Ok(cells)
+            })
+            .collect::<Result<_, LinearError>>()?;
+        work.view.cells.clear();
+        work.view.cells.extend(cells.into_iter().flatten());
+        Ok((blend.evidence.max(1e-9), (blend.evidence, &blend.offsets)))
+    }
+
+    /// Offsets that are expected where no density says them.
+    fn expectation(&self, told: &Told) -> [f64; OFFSETS] {
+        let longest = self.model.metadata.settings.longest_side as f64;
+        let scale = told.scale.unwrap_or(super::camera::SEEN / (VISIBLE * longest));
+        // The hidden part is behind what is seen.
+        let place = told.place.unwrap_or(Vector3::new(1.0, 0.0, 0.0));
+        let side = super::camera::SEEN / VISIBLE;
+        [0.0, scale.ln(), place.x, place.y, place.z, side, side, side]
+    }
+
+    /// Finds how the object lies: refines the likely modes of the most probable class, and keeps the best.
+    fn lay(
+        &self,
+        query: &Query,
+        frame: &ViewFrame,
+        told: &Told,
+        pose_weight: f64,
+        work: &mut Workspace,
+        percept: &mut Percept,
+    ) -> Result<(), PerceiveError> {
+        let class = percept.class;
+        // Peaks of the class, the best first; one cell for each.
+        let mut order: Vec<&Cell> = work.view.cells.iter().filter(|cell| cell.class == class && cell.score.is_finite()).collect();
+        order.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.step.cmp(&b.step)));
+        let mut modes: Vec<&Cell> = Vec::new();
+        for cell in order {
+            let apart = modes.iter().all(|mode| super::camera::wrapped(mode.yaw() - cell.yaw()).abs() > 2.0 * MODE_RADIUS);
+            let hopeless = modes.first().is_some_and(|best| pose_weight * (best.score - cell.score) > HOPELESS);
+            if modes.len() < MOST_REFINED && apart && !hopeless {
+                modes.push(cell);
+            }
+        }
+        let weight = self.model.metadata.calibration.evidence.evidence.max(1e-9);
+        let seen = &work.seen;
+        let refined: Vec<(Cell, super::camera::Refined)> = modes
+            .par_iter()
+            .map(|cell| {
+                let start = start(cell, told);
+                let (mut moved, mut turn) = self.moving();
+                let mut conditional = Conditional::new(self.subspaces[class].size());
+                let refined = refine(&start, |at| {
+                    let placed = frame.placed(at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
+                    Ok::<_, LinearError>(
+                        weight * self.moved_evidence(query, seen, &placed, class, &mut turn, &mut moved, &mut conditional)?,
+                    )
+                })?;
+                Ok((**cell, super::camera::Refined { value: refined.value + pose_weight * cell.score, ..refined }))
+            })
+            .collect::<Result<_, LinearError>>()?;
+        let Some((cell, best)) = refined.into_iter().reduce(|best, next| if next.1.value > best.1.value { next } else { best }) else {
+            return Ok(());
+        };
+        let [angle, log_scale, x, y, z] = best.parameters;
+        percept.placed = match query.scale {
+            ScaleSearch::Known => {
+                Placed::turned(if query.pose == PoseSearch::Known { percept.rotation } else { yaw(frame.azimuth + angle) })
+            }
+            ScaleSearch::Search { .. } => {
+                let placed = frame.placed(angle, log_scale.exp(), &Vector3::new(x, y, z));
+                if query.pose == PoseSearch::Known { Placed { rotation: percept.rotation, ..placed } } else { placed }
+            }
+        };
+        percept.rotation = percept.placed.rotation;
+        // The hypothesis that was refined says so.
+        let near = percept.hypotheses.iter_mut().filter(|h| h.class == class);
+        if let Some(nearest) = near.min_by(|a, b| a.rotation.angle_to(&percept.rotation).total_cmp(&b.rotation.angle_to(&percept.rotation)))
+        {
+            nearest.rotation = percept.rotation;
+        }
+        let grew = (log_scale - cell.offsets[1]).exp() * frame.unit;
+        // Deviations along the frame's axes, along the grid's.
+        let (sin, cos) = frame.azimuth.sin_cos();
+        let [dx, dy, dz] = [best.deviations[2], best.deviations[3], best.deviations[4]].map(|d| d * frame.unit);
+        let mixed = |a: f64, b: f64| ((a * dx).powi(2) + (b * dy).powi(2)).sqrt();
+        let searched = query.scale != ScaleSearch::Known;
+        percept.lay = Some(Lay {
+            extent: std::array::from_fn(|axis| (cell.offsets[5 + axis] * grew).max(0.0)),
+            extent_deviation: std::array::from_fn(|axis| cell.deviations[5 + axis] * frame.unit),
+            position_deviation: if searched { [mixed(cos, sin), mixed(sin, cos), dz] } else { [0.0; 3] },
+        });
+        Ok(())
+    }
+
+    /// Memory for moving observations to the canonical grid.
+    fn moving(&self) -> ((Observation, Known), Turn) {
+        let dims = self.model.dims();
+        ((Observation::unknown(dims), Known::new(dims)), Turn::new(dims, &yaw(0.0)))
+    }
+
+    /// Log evidence of a class, relative to the background, if the object lies so; in voxels of the grid that was observed.
+    #[allow(clippy::too_many_arguments)]
+    fn moved_evidence(
+        &self,
+        query: &Query,
+        seen: &Observation,
+        placed: &Placed,
+        class: usize,
+        turn: &mut Turn,
+        (moved, known): &mut (Observation, Known),
+        conditional: &mut Conditional,
+    ) -> Result<f64, LinearError> {
+        turn.set_to_object(placed);
+        turn.observation_into(seen, query.outside, moved);
+        known.read(moved);
+        self.subspaces[class].condition(known, self.noise, conditional)?;
+        Ok(placed.scale.powi(3) * (conditional.log_evidence - self.background(moved, known)))
+    }
+}
+
+/// Angles at which the evidence is computed.
+fn steps(told: &Told) -> Vec<f64> {
+    match told.yaw {
+        Some(yaw) => vec![yaw],
+        None => (0..YAWS).map(CameraDensities::yaw).collect(),
+    }
+}
+
+/// Where the search of a cell begins: what is told has no deviation.
+fn start(cell: &Cell, told: &Told) -> Placement {
+    let (place, scale) = (cell.place(), cell.scale());
+    let mut start = Placement {
+        expected: [cell.yaw(), scale.ln(), place.x, place.y, place.z],
+        deviations: std::array::from_fn(|axis| cell.deviations[axis]),
+    };
+    let told = [told.yaw, told.scale.map(f64::ln), told.place.map(|p| p.x), told.place.map(|p| p.y), told.place.map(|p| p.z)];
+    for (axis, value) in told.into_iter().enumerate() {
+        if let Some(value) = value {
+            (start.expected[axis], start.deviations[axis]) = (value, 0.0);
+        }
+    }
+    start
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::yaw_of;
+
+    #[test]
+    fn what_is_told_is_not_searched() {
+        let cell = Cell { class: 0, step: 6, score: 0.0, offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0], deviations: [0.5; OFFSETS] };
+        let free = start(&cell, &Told::default());
+        assert!((free.expected[0] - (CameraDensities::yaw(6) + 0.1)).abs() < 1e-12);
+        assert_eq!((free.expected[1..].to_vec(), free.deviations), (vec![-0.2, 1.0, 2.0, 3.0], [0.5; 5]));
+        let told = Told { yaw: Some(1.0), scale: Some(1.0), place: None };
+        let some = start(&cell, &told);
+        assert_eq!((some.expected, some.deviations), ([1.0, 0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.5, 0.5, 0.5]));
+    }
+
+    #[test]
+    fn a_known_yaw_is_the_only_step() {
+        assert_eq!(steps(&Told { yaw: Some(0.7), ..Told::default() }), [0.7]);
+        assert_eq!(steps(&Told::default()).len(), YAWS);
+        assert_eq!(yaw_of(&yaw(steps(&Told::default())[7])), CameraDensities::yaw(7));
+    }
+}

@@ -1,0 +1,195 @@
+//! `beo record`: what a daemon is asked and answers, read back from the file and decoded.
+
+use crate::client::{Client, block};
+use crate::harness::{Running, beo, instance, run, serve, shape, text};
+use beo::recording::TOPICS;
+use beo::shapes::furniture;
+use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
+use foxglove::{Decode, Encode};
+use rustix::process::Signal;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A message as it lies in the file.
+struct Message {
+    schema: String,
+    encoding: String,
+    log_ns: u64,
+    publish_ns: u64,
+    data: Vec<u8>,
+}
+
+/// The messages of each topic of a finished recording, in order.
+fn messages(path: &Path) -> BTreeMap<String, Vec<Message>> {
+    let bytes = std::fs::read(path).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().expect("a finished file has its summary");
+    let mut topics: BTreeMap<String, Vec<Message>> = summary.channels.values().map(|channel| (channel.topic.clone(), Vec::new())).collect();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let schema = message.channel.schema.as_ref().unwrap();
+        topics.get_mut(&message.channel.topic).unwrap().push(Message {
+            schema: schema.name.clone(),
+            encoding: format!("{}/{}", message.channel.message_encoding, schema.encoding),
+            log_ns: message.log_time,
+            publish_ns: message.publish_time,
+            data: message.data.into_owned(),
+        });
+    }
+    topics
+}
+
+fn decoded<T: Decode + Encode>(messages: &[Message]) -> Vec<T> {
+    let decode = |message: &Message| {
+        assert_eq!((&*message.schema, &*message.encoding), (&*T::get_schema().unwrap().name, "protobuf/protobuf"));
+        T::decode(&message.data[..]).unwrap_or_else(|_| panic!("{} does not decode", message.schema))
+    };
+    messages.iter().map(decode).collect()
+}
+
+fn now_ns() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64
+}
+
+#[test]
+fn a_recording_holds_every_observation_and_answer_in_foxgloves_schemas() {
+    let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+    let out = folder.path().join("a.mcap");
+    let _daemon = serve(&name);
+    let count = furniture::CLASSES.len();
+    let before_ns = now_ns();
+    let arguments = ["record", out.to_str().unwrap(), "--instance", &name, "--count", &count.to_string()];
+    let mut recorder = Running::start(beo(arguments));
+    assert!(recorder.message().starts_with("recording"));
+    let files: Vec<_> = furniture::CLASSES.iter().map(|class| shape(folder.path(), class, 1001)).collect();
+    let arguments = ["observe", "--instance", &name, "--rate", "50", "--pose", "yaw"].map(std::ffi::OsString::from);
+    assert!(run(arguments.into_iter().chain(files.iter().map(|f| f.clone().into_os_string()))).status.success());
+    assert!(recorder.wait().success());
+    assert!(recorder.line().starts_with(&format!("recorded {count} percepts, {count} completions and {count} observations")));
+
+    let topics = messages(&out);
+    assert_eq!(topics.keys().collect::<Vec<_>>(), {
+        let mut names = TOPICS.to_vec();
+        names.sort();
+        names
+    });
+    let clouds = decoded::<PointCloud>(&topics["/beo/observation"]);
+    let completions = decoded::<SceneUpdate>(&topics["/beo/completion"]);
+    let completed = decoded::<PointCloud>(&topics["/beo/completion_points"]);
+    let objects = decoded::<SceneUpdate>(&topics["/beo/object"]);
+    let poses = decoded::<PoseInFrame>(&topics["/beo/pose"]);
+    let transforms = decoded::<FrameTransform>(&topics["/tf"]);
+    let log = decoded::<Log>(&topics["/beo/log"]);
+    let percepts: Vec<serde_json::Value> =
+        topics["/beo/percept"].iter().map(|message| serde_json::from_slice(&message.data).unwrap()).collect();
+    for found in
+        [clouds.len(), completed.len(), completions.len(), objects.len(), poses.len(), transforms.len(), percepts.len(), log.len() - 1]
+    {
+        assert_eq!(found, count);
+    }
+    assert_eq!(topics["/beo/percept"][0].encoding, "json/jsonschema");
+    assert!(log[0].message.contains("chair"), "the log begins with the model: {}", log[0].message);
+    for messages in topics.values() {
+        assert!(messages.iter().all(|m| before_ns <= m.publish_ns && m.publish_ns <= m.log_ns && m.log_ns <= now_ns()));
+        assert!(messages.windows(2).all(|pair| pair[0].log_ns <= pair[1].log_ns));
+    }
+
+    for (n, percept) in percepts.iter().enumerate() {
+        // The daemon may answer in another order than it was asked: what belongs together names the same object.
+        let object = format!("camera1/object{}", percept["object_id"]);
+        assert_eq!(transforms[n].child_frame_id, object);
+        assert_eq!(transforms[n].parent_frame_id, "world");
+        let rotation = transforms[n].rotation.unwrap();
+        let best = &percept["hypotheses"][0]["rotation"];
+        let z = best[2].as_f64().unwrap();
+        assert!((rotation.z - z).abs() < 1e-6 || percept["hypotheses"][0]["class"] != percept["class"]);
+        assert_eq!(poses[n].pose.unwrap().orientation, Some(rotation));
+        let entity = &objects[n].entities[0];
+        assert_eq!(entity.id, format!("{object} object"));
+        assert!(entity.texts[0].text.starts_with(percept["class"].as_str().unwrap()));
+        assert!(entity.arrows.len() >= 4, "three axes and at least one front");
+        let surface = &completions[n].entities[0];
+        let triangles = &surface.triangles[0];
+        assert_eq!(surface.id, format!("{object} completion"));
+        assert!(triangles.indices.len() > 100 && triangles.indices.len().is_multiple_of(3));
+        assert_eq!(triangles.points.len(), triangles.colors.len());
+        assert!(triangles.indices.iter().all(|corner| (*corner as usize) < triangles.points.len()));
+        assert!(triangles.colors.iter().all(|colour| (0.0..=1.0).contains(&colour.a)));
+        assert_eq!((clouds[n].point_stride, completed[n].point_stride), (24, 24));
+        assert!(!clouds[n].data.is_empty() && clouds[n].data.len().is_multiple_of(24));
+        assert_eq!(completed[n].data.len() as u64, 24 * percept["completion"]["filled"].as_u64().unwrap());
+    }
+}
+
+#[test]
+fn a_recording_that_is_ended_by_a_signal_is_whole() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+        let out = folder.path().join("a.mcap");
+        let _daemon = serve(&name);
+        let mut recorder = Running::start(beo(["record", out.to_str().unwrap(), "--instance", &name]));
+        assert!(recorder.message().starts_with("recording"));
+        let client = Client::new(&name);
+        client.ask(|header, voxels| {
+            header.object_id = 5;
+            header.position_m = [0.5, -0.25, 1.0];
+            header.voxel_size_m = 0.01;
+            header.frame_id = beo_ipc::text::to_field("camera");
+            block(voxels);
+        });
+        client.ask(|_, voxels| voxels[77] = 9);
+        // Both are on their way to the recorder, which is woken for them; the signal ends it after the messages that wait.
+        while std::fs::metadata(&out).unwrap().len() < 20_000 {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        recorder.signal(signal);
+        assert!(recorder.wait().success());
+        let topics = messages(&out);
+        let clouds = decoded::<PointCloud>(&topics["/beo/observation"]);
+        assert_eq!(clouds[0].frame_id, "camera");
+        let pose = clouds[0].pose.unwrap().position.unwrap();
+        assert_eq!([pose.x, pose.y, pose.z], [0.5, -0.25, 1.0]);
+        // The highest layer of the block is the ninth of 16 voxels of a centimetre: its centre is half a voxel above the grid's.
+        let z = |point: &[u8]| f32::from_le_bytes(point[8..12].try_into().unwrap());
+        assert!(clouds[0].data.chunks(24).all(|point| (z(point) - 0.005).abs() < 1e-6));
+        let log = decoded::<Log>(&topics["/beo/log"]);
+        assert!(
+            log.iter().any(|entry| entry.level() == foxglove::messages::log::Level::Warning && entry.message.contains("voxel 77 is 9"))
+        );
+    }
+}
+
+#[test]
+fn a_full_disk_is_named() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let mut recorder = Running::start(beo(["record", "/dev/full", "--instance", &name, "--seconds", "60"]));
+    let status = recorder.wait();
+    let message = recorder.message();
+    assert_eq!(status.code(), Some(1));
+    assert!(message.contains("/dev/full is incomplete: the disk is full"), "{message}");
+}
+
+#[test]
+fn a_second_recorder_takes_what_was_seen_from_the_completions() {
+    let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+    let _daemon = serve(&name);
+    let outs = ["a.mcap", "b.mcap"].map(|file| folder.path().join(file));
+    let mut first = Running::start(beo(["record", outs[0].to_str().unwrap(), "--instance", &name, "--count", "1"]));
+    assert!(first.message().starts_with("recording"));
+    let mut second = Running::start(beo(["record", outs[1].to_str().unwrap(), "--instance", &name, "--count", "1"]));
+    assert!(second.message().starts_with("warning: another recorder"));
+    assert!(second.message().starts_with("recording"));
+    Client::new(&name).ask(|_, voxels| block(voxels));
+    assert!(first.wait().success() && second.wait().success());
+    let [a, b] = outs.map(|out| decoded::<PointCloud>(&messages(&out)["/beo/observation"]));
+    assert_eq!((a.len(), &a[0].data), (1, &b[0].data));
+}
+
+#[test]
+fn impossible_lengths_are_wrong_usage() {
+    for seconds in ["0", "-1", "nan", "1e300"] {
+        let output = run(["record", "/dev/null", &format!("--seconds={seconds}")]);
+        assert_eq!(output.status.code(), Some(2), "{seconds}: {}", text(&output.stderr));
+    }
+}
