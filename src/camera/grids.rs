@@ -104,3 +104,68 @@ fn find_support(frame: &Frame<'_>, segments: &Segments, options: &GridOptions) -
     let up = options.gravity.map(|gravity| -gravity);
     fit_support_in(frame, segments, &PlaneSearch { label, up, sensor: options.sensor })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beo_camera::Intrinsics;
+
+    /// A camera that looks straight down on a table at 0.8 m, with a block of label 1 that is 0.1 m high, seen in 20 × 20 pixels, three
+    /// pixels of label 2, and label 9 on the table.
+    fn images() -> (Intrinsics, Vec<f32>, Vec<u16>) {
+        let camera = Intrinsics::new(80, 60, [70.0; 2], [39.5, 29.5], [0.0; 5]).unwrap();
+        let inside = |pixel: usize| (30..50).contains(&(pixel % 80)) && (20..40).contains(&(pixel / 80));
+        let depth = (0..4800).map(|pixel| if inside(pixel) { 0.7 } else { 0.8 }).collect();
+        let labels = (0..4800).map(|pixel| if inside(pixel) { 1 } else { u16::from(pixel < 3) * 2 }).collect();
+        (camera, depth, labels)
+    }
+
+    fn options() -> GridOptions {
+        GridOptions::new(Dims::cube(16).unwrap())
+    }
+
+    #[test]
+    fn every_object_has_a_grid_or_a_reason() {
+        let (camera, depth, labels) = images();
+        let laid = lay_grids(Frame::new(&camera, &depth, &labels).unwrap(), &options());
+        assert!((laid.support.unwrap().height(&nalgebra::Point3::origin()) - 0.8).abs() < 1e-6);
+        let [block, few] = &laid.objects[..] else { panic!("{:?}", laid.objects) };
+        assert_eq!((block.object, few.object), (1, 2));
+        // Between 0.7 and 0.8 m, as wide as 19 pixels at 0.7 m: 0.19 m, of which the grid is 3/2.
+        let grid = block.carver.as_ref().unwrap().grid;
+        assert!((grid.grid_to_camera().translation.vector - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6);
+        assert!((grid.voxel_size_m() - 0.19 * 1.5 / 16.0).abs() < 1e-6);
+        assert!(matches!(few.carver, Err(NoGrid::NoPlace(PlacementError::TooFew { object: 2, found: 3, least: 40 }))));
+    }
+
+    #[test]
+    fn the_support_label_is_the_plane_and_no_object() {
+        let (camera, depth, mut labels) = images();
+        labels.iter_mut().filter(|label| **label == 0).for_each(|label| *label = 9);
+        let frame = Frame::new(&camera, &depth, &labels).unwrap();
+        let laid = lay_grids(frame, &options());
+        assert_eq!((laid.support, laid.objects.len()), (None, 3));
+        let reasons: Vec<String> = laid.objects.iter().map(|o| o.carver.as_ref().unwrap_err().to_string()).collect();
+        assert!(reasons.iter().all(|reason| reason.contains("--gravity") && reason.contains("--support-label")), "{reasons:?}");
+        let laid = lay_grids(frame, &GridOptions { support_label: Some(9), ..options() });
+        assert!(laid.support.is_some() && laid.objects.len() == 2 && laid.objects[0].carver.is_ok());
+        // Gravity alone says what is up; below the plane, nothing is known then.
+        let gravity = Some(Vector3::z_axis());
+        let laid = lay_grids(frame, &GridOptions { gravity, ..options() });
+        assert!(laid.support.is_none() && laid.objects[0].carver.as_ref().is_ok_and(|carver| carver.support.is_none()));
+    }
+
+    #[test]
+    fn what_is_below_the_plane_is_empty_unless_it_is_asked_to_be_unknown() {
+        let (camera, depth, labels) = images();
+        let frame = Frame::new(&camera, &depth, &labels).unwrap();
+        let below = |below_support| {
+            let laid = lay_grids(frame, &GridOptions { below_support, ..options() });
+            let mut voxels = vec![9; 4096];
+            super::super::carve(laid.objects[0].carver.as_ref().unwrap(), &mut voxels).unwrap();
+            // The middle of the lowest layer, under the block.
+            voxels[(8 * 16 + 8) * 16]
+        };
+        assert_eq!((below(BelowSupport::Empty), below(BelowSupport::Unknown)), (beo_camera::EMPTY, beo_camera::UNKNOWN));
+    }
+}

@@ -10,6 +10,7 @@ use crate::grid::{Dims, Observation};
 use crate::shapes::{read_bytes, write_npy_observation};
 use beo_camera::{Carver, Grid, Placement, SensorModel};
 use beo_ipc::clock::monotonic_ns;
+use beo_ipc::limits::NAME_LEN;
 use beo_ipc::text::{from_field, to_field};
 use beo_ipc::{InstanceName, ObservationHeader, Outside, PerceptStatus, PoseSearch, Producer, ScaleSearch, Subscriber, SubscriberOptions};
 use beo_ipc::{View, tasks};
@@ -18,6 +19,7 @@ use nalgebra::{Isometry3, Unit, Vector3};
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -101,8 +103,8 @@ enum BelowArgument {
     Unknown,
 }
 
-/// A daemon that has not answered for so long has nothing more to answer.
-const SILENCE: Duration = Duration::from_secs(5);
+/// A daemon that runs and has not answered for so long has nothing more to answer.
+const SILENCE: Duration = Duration::from_secs(30);
 /// Observations that may wait to be answered where the answers set the pace: no more than the shortest queue of a daemon holds.
 const IN_FLIGHT: usize = 2;
 /// Voxels along each side of grids that are written.
@@ -148,10 +150,11 @@ impl Camera {
                 let dims = Dims::new(x, y, z)?;
                 let producer = Producer::open_within(&self.instance, &self.template(status.dims), wait)?;
                 let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
-                let mut daemon = Daemon { producer, subscriber, in_step: self.rate.is_none(), pending: BTreeMap::new(), counts: [0; 4] };
+                let (in_step, stop_too) = (self.rate.is_none(), stop.clone());
+                let mut daemon = Daemon { producer, subscriber, stop: stop_too, in_step, pending: BTreeMap::new(), counts: [0; 4] };
                 replay.play(&stop, &mut daemon)?;
-                daemon.settle(0, &stop)?;
-                daemon.give_up()?;
+                daemon.settle(0)?;
+                daemon.give_up(|_, _| true)?;
                 let [sent, answered, refused, unanswered] = daemon.counts;
                 let missing = if unanswered > 0 { format!(", {unanswered} not answered") } else { String::new() };
                 say!("{}, {sent} observations sent, {answered} answered, {refused} refused{missing}", replay.summary());
@@ -168,6 +171,9 @@ impl Camera {
             if let Some(metres) = metres.filter(|metres| !(*metres > 0.0 && *metres <= 1000.0)) {
                 return Err(Failure::Usage(format!("{flag} {metres}: use metres above 0, at most 1000")));
             }
+        }
+        if let Some(name) = self.frame_id.as_ref().filter(|name| name.len() > NAME_LEN) {
+            return Err(Failure::Usage(format!("--frame-id {name}: use at most {NAME_LEN} bytes")));
         }
         if self.count == Some(0) {
             return Err(Failure::Usage("--count 0: use at least 1".into()));
@@ -227,7 +233,7 @@ trait Sink {
     /// Carves it into its place, lets `finish` change it, and passes it on.
     fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure>;
     /// All objects of a frame were taken.
-    fn frame_ended(&mut self, stop: &AtomicBool) -> Result<(), Failure>;
+    fn frame_ended(&mut self) -> Result<(), Failure>;
 }
 
 /// Adds what other frames know of the object.
@@ -292,7 +298,7 @@ impl<'a> Replay<'a> {
                 due = wait_until(due, stop) + Duration::from_secs_f64(1.0 / rate);
             }
             self.frame(&captured, index, sink)?;
-            sink.frame_ended(stop)?;
+            sink.frame_ended()?;
             self.frames += 1;
         }
         Ok(())
@@ -369,6 +375,7 @@ fn wait_until(due: Instant, stop: &AtomicBool) -> Instant {
 struct Daemon {
     producer: Producer,
     subscriber: Subscriber,
+    stop: Arc<AtomicBool>,
     /// The answers set the pace.
     in_step: bool,
     /// What was sent and has no answer yet: frame and object.
@@ -380,7 +387,7 @@ struct Daemon {
 impl Sink for Daemon {
     fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure> {
         if self.in_step {
-            self.settle(IN_FLIGHT - 1, &AtomicBool::new(false))?;
+            self.settle(IN_FLIGHT - 1)?;
         }
         let mut loan = self.producer.loan()?;
         carve(carver, loan.voxels_mut())?;
@@ -396,8 +403,8 @@ impl Sink for Daemon {
         Ok(())
     }
 
-    fn frame_ended(&mut self, stop: &AtomicBool) -> Result<(), Failure> {
-        if self.in_step { self.settle(0, stop) } else { self.drain().map(drop) }
+    fn frame_ended(&mut self) -> Result<(), Failure> {
+        if self.in_step { self.settle(0) } else { self.drain().map(drop) }
     }
 }
 
@@ -425,16 +432,25 @@ impl Daemon {
             if !is_ok {
                 say!("{frame}: object {object} was refused: {}", from_field(&percept.explanation));
             }
+            // What was sent of this object before has been overtaken.
+            self.give_up(|sequence, other| sequence < percept.sequence && other == object)?;
         }
         Ok(count)
     }
 
-    /// Waits until no more than `left` observations have no answer, or the daemon has fallen silent.
-    fn settle(&mut self, left: usize, stop: &AtomicBool) -> Result<(), Failure> {
+    /// Waits until no more than `left` observations have no answer. When the daemon has fallen silent, they will have none.
+    fn settle(&mut self, left: usize) -> Result<(), Failure> {
         let mut quiet = Instant::now();
-        while self.pending.len() > left && quiet.elapsed() < SILENCE && !stop.load(Ordering::Relaxed) {
+        while self.pending.len() > left && !self.stop.load(Ordering::Relaxed) {
             if self.drain()? > 0 {
                 quiet = Instant::now();
+            } else if quiet.elapsed() > SILENCE {
+                return self.give_up(|_, _| true);
+            } else if !self.producer.daemon_runs() {
+                return Err(Failure::Failed(format!(
+                    "the daemon has ended, and left {} observations without an answer",
+                    self.pending.len()
+                )));
             } else {
                 self.subscriber.wait(Duration::from_millis(50))?;
             }
@@ -442,11 +458,14 @@ impl Daemon {
         Ok(())
     }
 
-    /// Says which observations will have no answer.
-    fn give_up(&mut self) -> Result<(), Failure> {
-        for (frame, object) in std::mem::take(&mut self.pending).into_values() {
+    /// Says which of the observations that wait will have no answer: those of which `is_lost(sequence, object)`.
+    fn give_up(&mut self, is_lost: impl Fn(u64, u64) -> bool) -> Result<(), Failure> {
+        let lost: Vec<u64> = self.pending.iter().filter(|(sequence, (_, object))| is_lost(**sequence, *object)).map(|(s, _)| *s).collect();
+        for (frame, object) in lost.iter().filter_map(|sequence| self.pending.remove(sequence)).collect::<Vec<_>>() {
             self.counts[3] += 1;
-            say!("{frame}: object {object} was not answered: a newer frame came first, or the daemon is gone; use a lower --rate, or none");
+            say!(
+                "{frame}: object {object} was not answered: a newer frame of it came first, or there was no time; use a lower --rate, or none"
+            );
         }
         Ok(())
     }
@@ -490,7 +509,7 @@ impl Sink for Files {
         Ok(())
     }
 
-    fn frame_ended(&mut self, _: &AtomicBool) -> Result<(), Failure> {
+    fn frame_ended(&mut self) -> Result<(), Failure> {
         Ok(())
     }
 }
