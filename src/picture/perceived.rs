@@ -1,6 +1,6 @@
 //! One object as it was perceived: query, completion from both sides, where the completion is unsure, class, pose and size.
 
-use super::scenes::{FAINTEST, fronts, seen};
+use super::scenes::{FAINTEST, fronts, seen, unsure};
 use super::voxels::{Mark, Scene, Side, bounds, draw_axes, draw_scene};
 use super::{Anchor, Colour, Image, MOST_UNSURE, TextSize, viridis};
 use crate::grid::{Observation, Rotation};
@@ -98,15 +98,7 @@ impl Perceived<'_> {
     }
 
     fn deviation_colour(&self, voxel: usize) -> Option<Colour> {
-        if self.observation.known().contains(voxel) {
-            return self.observation.filled().contains(voxel).then_some(Colour::SEEN_ASIDE);
-        }
-        let colour = viridis(self.deviation[voxel] / MOST_UNSURE);
-        match self.occupancy[voxel] {
-            p if p >= 0.5 => Some(colour),
-            p if p >= FAINTEST => Some(colour.with_opacity(0.12)),
-            _ => None,
-        }
+        unsure(self.observation, self.occupancy, self.deviation, voxel)
     }
 
     /// Where the frame's origin is: most often the camera. It is far outside of the grid, so an arrow comes from there.
