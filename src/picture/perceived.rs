@@ -48,16 +48,19 @@ impl Perceived<'_> {
         let shown = |v: usize| self.query_colour(v).is_some() || self.completion_colour(v).is_some();
         let fitted = bounds(dims, shown);
         let scene = |side| Scene { side, fitted, ..Scene::new(dims, SIDE, SIDE) };
-        let (front, back) = (scene(Side::Front), scene(Side::Back));
+        // From the camera's side, where that is known.
+        let is_behind = self.origin.as_ref().is_some_and(|([x, y, _], _)| x + y > 0.0);
+        let (front, back) = if is_behind { (Side::Back, Side::Front) } else { (Side::Front, Side::Back) };
+        let (front, back) = (scene(front), scene(back));
         let mut query = fronts(dims, self.poses.iter().copied(), SIDE);
         query.extend(self.origin_mark());
         let object: Vec<Mark> = self.box_marks().into_iter().chain(self.axis_marks()).collect();
         let completion = |v| self.completion_colour(v);
         let mut views = [
-            (draw_scene(&front, |v| self.query_colour(v), &query), self.query_caption(), Side::Front),
-            (draw_scene(&front, completion, &object), "completion".to_owned(), Side::Front),
-            (draw_scene(&front, |v| self.deviation_colour(v), &[]), "standard deviation of the completion".to_owned(), Side::Front),
-            (draw_scene(&back, completion, &object), "completion from the other side".to_owned(), Side::Back),
+            (draw_scene(&front, |v| self.query_colour(v), &query), self.query_caption(), front.side),
+            (draw_scene(&front, completion, &object), "completion".to_owned(), front.side),
+            (draw_scene(&front, |v| self.deviation_colour(v), &[]), "standard deviation of the completion".to_owned(), front.side),
+            (draw_scene(&back, completion, &object), "completion from the other side".to_owned(), back.side),
         ];
         deviation_bar(&mut views[2].0);
 
@@ -156,7 +159,7 @@ impl Perceived<'_> {
         classes.sort_by(|a, b| b.1.total_cmp(&a.1));
         image.text("class", left, y, TextSize::Medium, Anchor::Left, Colour::INK);
         y += line;
-        let (names, bar) = (112, COLUMN as i32 - 112 - 52);
+        let (names, bar) = (112, COLUMN as i32 - 112 - 58);
         for (place, (name, p)) in classes.iter().take(CLASSES).enumerate() {
             image.text(&fitting(name, names - 6), left, y, TextSize::Small, Anchor::Left, Colour::INK);
             image.rectangle(left + names, y - 6, bar as u32, 13, Colour::FAINT.with_opacity(0.5));
@@ -274,6 +277,11 @@ mod tests {
         }
         let ink = count(&plain, Colour::INK);
         assert!(count(&drawn(|p| p.origin = Some(([-50.0, 0.0, 20.0], "camera".into()))), Colour::INK) > ink + 40);
+        // A camera behind the object is in front once the picture is turned.
+        let behind = drawn(|p| p.origin = Some(([50.0, 0.0, 20.0], "camera".into())));
+        let turned = drawn(|p| p.origin = Some(([50.0, 0.1, 20.0], "".into())));
+        assert_ne!(plain, turned);
+        assert!(count(&behind, Colour::INK) > ink + 40);
         for nowhere in [[0.0; 3], [f64::NAN; 3], [f64::INFINITY, 0.0, 0.0]] {
             assert_eq!(drawn(|p| p.origin = Some((nowhere, "camera".into()))), plain);
         }
