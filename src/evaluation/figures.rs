@@ -5,7 +5,9 @@ use super::table::{MODELNET10, icp_name, paper_rows};
 use super::{Evaluation, IcpEvaluation, table};
 use crate::grid::{Observation, Occupancy};
 use crate::perception::Percept;
-use crate::picture::{Chart, Colour, Image, SaveError, draw_completion, draw_observation, draw_poses, draw_shape, sheet};
+use crate::picture::{
+    Chart, Colour, Image, MOST_UNSURE, SaveError, draw_completion, draw_deviation, draw_observation, draw_poses, draw_shape, sheet,
+};
 use std::path::Path;
 
 /// How many completions are shown.
@@ -22,6 +24,7 @@ pub struct Example {
     truth: (Image, String),
     query: (Image, String),
     completion: (Image, String),
+    deviation: (Image, String),
 }
 
 impl Example {
@@ -43,6 +46,7 @@ impl Example {
                 draw_completion(observation, &percept.occupancy, SIDE),
                 format!("{} {:.0} %{verdict}", name(percept.class), 100.0 * p),
             ),
+            deviation: (draw_deviation(observation, &percept.occupancy, &percept.deviation, SIDE), String::new()),
         }
     }
 }
@@ -147,13 +151,14 @@ pub fn reliability(evaluations: &[Evaluation]) -> Image {
     Chart { width, height: 560, x_range: Some(0.0..1.0), y_range: Some(0.0..1.0), diagonal: true, ..chart }.weighted_lines(&series)
 }
 
-/// Truth, query and completion in three rows, one query per column: the counterpart of Fig. 4.
+/// Truth, query, completion and its standard deviation in four rows, one query per column: the counterpart of Fig. 4.
 pub fn completions(examples: &[Example], method: &str) -> Image {
     let row = |part: fn(&Example) -> &(Image, String)| examples.iter().map(|e| part(e).clone()).collect();
     let title = format!(
-        "Completions ({method}): truth, query (blue seen, grey unknown; arrows: fronts of the hypotheses), answer (orange predicted)"
+        "Completions ({method}): truth, query (blue seen, grey unknown; arrows: fronts of the hypotheses), answer (orange predicted), \
+         its standard deviation (dark 0, yellow {MOST_UNSURE} and more)"
     );
-    sheet(&[row(|e| &e.truth), row(|e| &e.query), row(|e| &e.completion)], &title)
+    sheet(&[row(|e| &e.truth), row(|e| &e.query), row(|e| &e.completion), row(|e| &e.deviation)], &title)
 }
 
 /// Draws everything into an existing folder. `examples` are answers of the first evaluation's method.

@@ -170,7 +170,8 @@ mod tests {
         assert!(is_closed(&surface), "every edge is in two triangles, once in each direction");
         let radius_m = radius * 0.02;
         let expected = 4.0 / 3.0 * PI * radius_m.powi(3);
-        assert!((volume(&surface) / expected - 1.0).abs() < 0.01, "{} for {expected}", volume(&surface));
+        // Its vertices are means of points on the ball, so inside it: by a few hundredths of a voxel here.
+        assert!((0.98..1.0).contains(&(volume(&surface) / expected)), "{} for {expected}", volume(&surface));
         // Closed form: the ball's centre from the grid's, turned and scaled.
         let offset = Vector3::new(10.2 - 12.0, 13.9 - 13.0, 15.1 - 14.0) * 0.02;
         let middle = Point3::new(0.4, -1.2, 0.9) + rotation * offset;

@@ -7,6 +7,15 @@ use beo_camera::Frame;
 const BAR: usize = 72;
 /// How much of an object's colour lies over its depths.
 const TINT: f32 = 0.25;
+/// Colours of objects, in turn: none of those of the depths.
+const OBJECTS: [Colour; 6] = [
+    Colour::rgb(255, 140, 40),
+    Colour::rgb(240, 80, 90),
+    Colour::rgb(250, 250, 250),
+    Colour::rgb(240, 130, 210),
+    Colour::rgb(120, 220, 250),
+    Colour::rgb(176, 110, 70),
+];
 /// Share of the readings that may lie beyond each end of the colours.
 const BEYOND: f64 = 0.02;
 
@@ -17,7 +26,7 @@ pub fn draw_depth(frame: &Frame<'_>, captions: &[(u16, String)], support: Option
     let (width, height) = (frame.intrinsics().width() as usize, frame.intrinsics().height() as usize);
     let mut image = Image::new(width + BAR, height);
     let objects = frame.objects(support);
-    let colour_of = |label: u16| objects.binary_search(&label).ok().map(|n| Colour::SERIES[n % Colour::SERIES.len()]);
+    let colour_of = |label: u16| objects.binary_search(&label).ok().map(|n| OBJECTS[n % OBJECTS.len()]);
     let range = range(frame);
     for pixel in 0..width * height {
         let (x, y) = (pixel % width, pixel / width);
@@ -25,9 +34,10 @@ pub fn draw_depth(frame: &Frame<'_>, captions: &[(u16, String)], support: Option
         let base = share.map_or(Colour::NO_READING, viridis);
         let own = colour_of(frame.label(pixel));
         let other = |x: usize, y: usize| frame.label(y * width + x) != frame.label(pixel);
-        // Two pixels wide: one on each side of the border, or within the object at the border of the image.
-        let is_border =
-            x > 0 && other(x - 1, y) || x + 1 < width && other(x + 1, y) || y > 0 && other(x, y - 1) || y + 1 < height && other(x, y + 1);
+        // Two pixels wide, within the object.
+        let is_border = (1..=2).any(|d| {
+            x >= d && other(x - d, y) || x + d < width && other(x + d, y) || y >= d && other(x, y - d) || y + d < height && other(x, y + d)
+        });
         let colour = match own {
             Some(own) if is_border => own,
             Some(own) => base.mix(own, TINT),
@@ -104,15 +114,15 @@ mod tests {
         let mut depth: Vec<f32> = (0..2400).map(|pixel| 1.0 + (pixel % 60) as f32 / 60.0).collect();
         let mut labels = vec![0; 2400];
         (0..2400).filter(|p| (10..30).contains(&(p % 60)) && (20..35).contains(&(p / 60))).for_each(|p| labels[p] = 7);
-        depth[5 * 60 + 5] = 0.0;
-        depth[6 * 60 + 5] = f32::NAN;
+        depth[5 * 60 + 45] = 0.0;
+        depth[6 * 60 + 45] = f32::NAN;
         let image = draw_depth(&Frame::new(&camera, &depth, &labels).unwrap(), &[(7, "mug".into())], None);
         assert_eq!((image.width(), image.height()), (60 + BAR, 40));
-        assert_eq!((image.pixel(5, 5), image.pixel(5, 6)), (Colour::NO_READING.rgb, Colour::NO_READING.rgb));
+        assert_eq!((image.pixel(45, 5), image.pixel(45, 6)), (Colour::NO_READING.rgb, Colour::NO_READING.rgb));
         assert_eq!((image.pixel(0, 39), image.pixel(59, 39)), (viridis(0.0).rgb, viridis(1.0).rgb));
-        assert_eq!((image.pixel(10, 25), image.pixel(29, 34)), (Colour::SERIES[0].rgb, Colour::SERIES[0].rgb));
-        assert_ne!(image.pixel(20, 28), Colour::SERIES[0].rgb, "an object is tinted, not hidden");
-        assert!((0..40).any(|y| image.pixel(12, y) == Colour::INK.rgb || image.pixel(13, y) == Colour::INK.rgb), "its caption");
+        assert_eq!((image.pixel(10, 25), image.pixel(29, 34)), (OBJECTS[0].rgb, OBJECTS[0].rgb));
+        assert_ne!(image.pixel(20, 28), OBJECTS[0].rgb, "an object is tinted, not hidden");
+        assert!((0..20).any(|y| (5..35).any(|x| image.pixel(x, y) == Colour::INK.rgb)), "its caption stands above it");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! One object as it was perceived: query, completion from both sides, where the completion is unsure, class, pose and size.
 
-use super::scenes::{FAINTEST, fronts, seen};
+use super::scenes::{FAINTEST, fronts, seen, unsure};
 use super::voxels::{Mark, Scene, Side, bounds, draw_axes, draw_scene};
 use super::{Anchor, Colour, Image, MOST_UNSURE, TextSize, viridis};
 use crate::grid::{Observation, Rotation};
@@ -48,16 +48,19 @@ impl Perceived<'_> {
         let shown = |v: usize| self.query_colour(v).is_some() || self.completion_colour(v).is_some();
         let fitted = bounds(dims, shown);
         let scene = |side| Scene { side, fitted, ..Scene::new(dims, SIDE, SIDE) };
-        let (front, back) = (scene(Side::Front), scene(Side::Back));
+        // From the camera's side, where that is known.
+        let is_behind = self.origin.as_ref().is_some_and(|([x, y, _], _)| (x + y).is_finite() && x + y > 0.0);
+        let (front, back) = if is_behind { (Side::Back, Side::Front) } else { (Side::Front, Side::Back) };
+        let (front, back) = (scene(front), scene(back));
         let mut query = fronts(dims, self.poses.iter().copied(), SIDE);
         query.extend(self.origin_mark());
         let object: Vec<Mark> = self.box_marks().into_iter().chain(self.axis_marks()).collect();
         let completion = |v| self.completion_colour(v);
         let mut views = [
-            (draw_scene(&front, |v| self.query_colour(v), &query), self.query_caption(), Side::Front),
-            (draw_scene(&front, completion, &object), "completion".to_owned(), Side::Front),
-            (draw_scene(&front, |v| self.deviation_colour(v), &[]), "standard deviation of the completion".to_owned(), Side::Front),
-            (draw_scene(&back, completion, &object), "completion from the other side".to_owned(), Side::Back),
+            (draw_scene(&front, |v| self.query_colour(v), &query), self.query_caption(), front.side),
+            (draw_scene(&front, completion, &object), "completion".to_owned(), front.side),
+            (draw_scene(&front, |v| self.deviation_colour(v), &[]), "standard deviation of the completion".to_owned(), front.side),
+            (draw_scene(&back, completion, &object), "completion from the other side".to_owned(), back.side),
         ];
         deviation_bar(&mut views[2].0);
 
@@ -98,15 +101,7 @@ impl Perceived<'_> {
     }
 
     fn deviation_colour(&self, voxel: usize) -> Option<Colour> {
-        if self.observation.known().contains(voxel) {
-            return self.observation.filled().contains(voxel).then_some(Colour::SEEN_ASIDE);
-        }
-        let colour = viridis(self.deviation[voxel] / MOST_UNSURE);
-        match self.occupancy[voxel] {
-            p if p >= 0.5 => Some(colour),
-            p if p >= FAINTEST => Some(colour.with_opacity(0.12)),
-            _ => None,
-        }
+        unsure(self.observation, self.occupancy, self.deviation, voxel)
     }
 
     /// Where the frame's origin is: most often the camera. It is far outside of the grid, so an arrow comes from there.
@@ -164,7 +159,7 @@ impl Perceived<'_> {
         classes.sort_by(|a, b| b.1.total_cmp(&a.1));
         image.text("class", left, y, TextSize::Medium, Anchor::Left, Colour::INK);
         y += line;
-        let (names, bar) = (112, COLUMN as i32 - 112 - 52);
+        let (names, bar) = (112, COLUMN as i32 - 112 - 58);
         for (place, (name, p)) in classes.iter().take(CLASSES).enumerate() {
             image.text(&fitting(name, names - 6), left, y, TextSize::Small, Anchor::Left, Colour::INK);
             image.rectangle(left + names, y - 6, bar as u32, 13, Colour::FAINT.with_opacity(0.5));
@@ -285,6 +280,22 @@ mod tests {
         for nowhere in [[0.0; 3], [f64::NAN; 3], [f64::INFINITY, 0.0, 0.0]] {
             assert_eq!(drawn(|p| p.origin = Some((nowhere, "camera".into()))), plain);
         }
+    }
+
+    #[test]
+    fn what_a_camera_behind_the_object_saw_is_drawn_from_there() {
+        let from = |at: [f64; 3]| drawn(|p| p.origin = Some((at, "camera".into())));
+        let view = |image: &Image, x: usize| -> Vec<[u8; 3]> {
+            let rows = 80..GAP + SIDE;
+            rows.flat_map(|y| (x..x + SIDE - 60).map(move |x| (x, y))).map(|(x, y)| image.pixel(x, y)).collect()
+        };
+        // Third and fourth picture change places; the second is of the completion, as the fourth is.
+        let (front, behind) = (from([-50.0, -9.0, 20.0]), from([50.0, 9.0, 20.0]));
+        let second = 2 * GAP + SIDE;
+        assert_ne!(view(&front, second), view(&behind, second));
+        let place = |image: &Image, row: usize| (0..SIDE - 40).map(|y| image.pixel(second + SIDE / 2, row + y)).collect::<Vec<_>>();
+        let (top, step) = (2 * GAP + TextSize::Large.height(), SIDE + TextSize::Small.height() + 8 + GAP);
+        assert_eq!(place(&behind, top), place(&front, top + step), "the other side, from the other side, is the front");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What the program draws of voxels: shapes, queries, completions, means and modes.
 
 use super::voxels::{Mark, Scene, draw_scene};
-use super::{Colour, Image, draw_voxels};
+use super::{Colour, Image, MOST_UNSURE, draw_voxels, viridis};
 use crate::grid::{Dims, Observation, Occupancy, Rotation};
 use nalgebra::Vector3;
 
@@ -70,6 +70,26 @@ pub fn draw_completion(observation: &Observation, probability: &[f32], side: usi
         }
         prediction(probability[v]).filter(|_| !observation.known().contains(v))
     })
+}
+
+/// Where a completion is unsure: voxels that count as filled by the standard deviation of their probability, from dark blue (0) to yellow
+/// ([`MOST_UNSURE`] and more), those that may well be filled too faint, seen ones pale. One value per voxel each.
+pub fn draw_deviation(observation: &Observation, probability: &[f32], deviation: &[f32], side: usize) -> Image {
+    let dims = observation.dims();
+    assert_eq!((probability.len(), deviation.len()), (dims.voxels(), dims.voxels()), "one value per voxel each");
+    draw_voxels(dims, side, side, |v| unsure(observation, probability, deviation, v))
+}
+
+pub(super) fn unsure(observation: &Observation, probability: &[f32], deviation: &[f32], voxel: usize) -> Option<Colour> {
+    if observation.known().contains(voxel) {
+        return observation.filled().contains(voxel).then_some(Colour::SEEN_ASIDE);
+    }
+    let colour = viridis(deviation[voxel] / MOST_UNSURE);
+    match probability[voxel] {
+        p if p >= 0.5 => Some(colour),
+        p if p >= FAINTEST => Some(colour.with_opacity(0.12)),
+        _ => None,
+    }
 }
 
 /// Probabilities of being filled, such as a class mean: solid are the most probable voxels, as many as are filled on average (the

@@ -1,7 +1,7 @@
 //! `beo record`: what a daemon is asked and answers, read back from the file and decoded.
 
 use crate::client::{Client, block};
-use crate::harness::{Running, beo, instance, run, serve, shape, text};
+use crate::harness::{PATIENCE, Running, beo, instance, run, serve, shape, text};
 use beo::recording::TOPICS;
 use beo::shapes::furniture;
 use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
@@ -129,7 +129,10 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
         let _daemon = serve(&name);
         let mut recorder = Running::start(beo(["record", out.to_str().unwrap(), "--instance", &name]));
         assert!(recorder.message().starts_with("recording"));
+        let length = || std::fs::metadata(&out).unwrap().len();
+        let empty = length();
         let client = Client::new(&name);
+        client.ask(|_, voxels| voxels[77] = 9);
         client.ask(|header, voxels| {
             header.object_id = 5;
             header.position_m = [0.5, -0.25, 1.0];
@@ -137,16 +140,17 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
             header.frame_id = beo_ipc::text::to_field("camera");
             block(voxels);
         });
-        client.ask(|_, voxels| voxels[77] = 9);
-        // Both are on their way to the recorder, which is woken for them; the signal ends it after the messages that wait.
-        while std::fs::metadata(&out).unwrap().len() < 20_000 {
+        // Answers are recorded in their order: once the second has been flushed, both are there.
+        let start = std::time::Instant::now();
+        while length() < empty + 8_000 {
+            assert!(start.elapsed() < PATIENCE, "nothing was flushed");
             std::thread::sleep(std::time::Duration::from_millis(20));
         }
         recorder.signal(signal);
         assert!(recorder.wait().success());
         let topics = messages(&out);
         let clouds = decoded::<PointCloud>(&topics["/beo/observation"]);
-        assert_eq!(clouds[0].frame_id, "camera");
+        assert_eq!((clouds.len(), &*clouds[0].frame_id), (1, "camera"));
         let pose = clouds[0].pose.unwrap().position.unwrap();
         assert_eq!([pose.x, pose.y, pose.z], [0.5, -0.25, 1.0]);
         // The highest layer of the block is the ninth of 16 voxels of a centimetre: its centre is half a voxel above the grid's.
