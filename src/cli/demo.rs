@@ -202,8 +202,10 @@ impl View {
         let found = (yaw_of(&from_xyzw(rotation)) + self.azimuth + PI).rem_euclid(self.period);
         let made = self.yaw.rem_euclid(self.period);
         let error = (found - made + self.period / 2.0).rem_euclid(self.period) - self.period / 2.0;
-        let spread = answer["rotation_spread_rad"].as_f64().unwrap_or(0.0).to_degrees();
-        (format!("turned {:>3.0}° ({:.0}°) ± {spread:.0}°", found.to_degrees(), made.to_degrees()), error.abs() <= RIGHT_TURN)
+        // Where half a turn makes no difference, the spread is that of both halves and says nothing.
+        let spread = answer["rotation_spread_rad"].as_f64().filter(|_| self.period == TAU);
+        let spread = spread.map_or(String::new(), |spread| format!(" ± {:.0}°", spread.to_degrees()));
+        (format!("turned {:>3.0}° ({:.0}°){spread}", found.to_degrees(), made.to_degrees()), error.abs() <= RIGHT_TURN)
     }
 }
 
