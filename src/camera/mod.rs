@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | `grids` | from a frame to the grids of its objects |
 //! | `carving` | a grid carved by all threads |
+//! | `simulation` | what a camera sees of a complete voxel object |
 //! | `fused` | several views of objects that do not move |
 //! | `folder`, `captured` | the frames of a folder |
 //! | `image`, `png_image`, `npy_image`, `tiff_image` | images of depth and labels |

@@ -26,8 +26,8 @@ use std::f64::consts::{PI, TAU};
 const FEATURES: usize = 64;
 /// Views from which the features are learned.
 const FEATURE_VIEWS: (usize, usize) = (300, 2000);
-/// Views per class, elevation and step of yaw: about one per shape, within the bounds.
-const VIEW_BOUNDS: (usize, usize) = (60, 120);
+/// Views per class, elevation and step of yaw: about one per shape, within the bounds; half as many for the calibration.
+const VIEW_BOUNDS: (usize, usize) = (50, 90);
 /// The yaw of a view is uniform within so many steps about its own, and its elevation within so much of the distance to the next.
 const WINDOW: f64 = 0.75;
 /// Least variance of a feature, as a share of the mean variance: see `view_density`.
@@ -61,9 +61,9 @@ pub fn camera_densities(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u
         kept.push(order[out..].iter().map(|i| shapes[*i]).collect::<Vec<_>>());
     }
     let components = feature_basis(classes, elevations, seed)?;
-    let densities = fit(&kept, elevations, &components, seed)?;
+    let densities = fit(&kept, elevations, &components, seed, 2)?;
     let calibration = calibrate(&densities, &held, seed)?;
-    Ok(Learned { densities: fit(classes, elevations, &components, seed)?, calibration })
+    Ok(Learned { densities: fit(classes, elevations, &components, seed, 1)?, calibration })
 }
 
 /// B and the mean variance along its columns.
@@ -158,7 +158,14 @@ fn feature_basis(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u64) -> 
     Ok(Features { basis: components.rows(), size, variance: components.variance })
 }
 
-fn fit(classes: &[Vec<&Occupancy>], elevations: &[f64], features: &Features, seed: u64) -> Result<CameraDensities, LinearError> {
+/// Densities from one in `share` of the views.
+fn fit(
+    classes: &[Vec<&Occupancy>],
+    elevations: &[f64],
+    features: &Features,
+    seed: u64,
+    share: usize,
+) -> Result<CameraDensities, LinearError> {
     let size = features.size;
     let mut densities = CameraDensities {
         elevations: elevations.to_vec(),
@@ -178,7 +185,7 @@ fn fit(classes: &[Vec<&Occupancy>], elevations: &[f64], features: &Features, see
             .map(|step| {
                 let (mut hull, mut z) = (Vec::new(), Vec::new());
                 let of_class = |(s, shapes): (usize, &Vec<&Occupancy>)| {
-                    let count = shapes.len().clamp(VIEW_BOUNDS.0, VIEW_BOUNDS.1);
+                    let count = shapes.len().clamp(VIEW_BOUNDS.0, VIEW_BOUNDS.1) / share;
                     let mut rng = stream(seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
                     let (mut rows, mut offsets) = (Vec::new(), Vec::new());
                     let first = rng.random_range(0..shapes.len());

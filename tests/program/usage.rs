@@ -22,9 +22,11 @@ fn fails(arguments: &[&str], code: i32, parts: &[&str]) {
 fn help_names_every_subcommand() {
     let output = run(["--help"]);
     assert!(output.status.success());
-    for command in
-        ["train", "inspect", "perceive", "serve", "status", "reload", "observe", "camera", "watch", "eval", "demo", "bench", "generate"]
-    {
+    let commands = [
+        "train", "inspect", "perceive", "serve", "status", "reload", "observe", "camera", "watch", "record", "eval", "demo", "bench",
+        "generate",
+    ];
+    for command in commands {
         assert!(text(&output.stdout).contains(command));
         assert!(run([command, "--help"]).status.success());
     }
