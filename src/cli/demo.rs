@@ -119,10 +119,7 @@ impl Demo {
 
     /// Renders all views and writes them as frames and as pictures.
     fn render(&self, folder: &Path) -> Result<(Vec<View>, PathBuf), Failure> {
-        if folder.exists() {
-            // Frames of an earlier run would be replayed as well.
-            std::fs::remove_dir_all(folder).map_err(cannot_write(folder))?;
-        }
+        remove_frames(folder)?;
         let intrinsics = Intrinsics::new(640, 480, [525.0; 2], [319.5, 239.5], [0.04, -0.08, 0.0005, -0.0005, 0.0])?;
         let camera = SyntheticCamera::new(intrinsics);
         let circle = Circle { views: self.views, elevation_rad: self.elevation.to_radians(), table_label: TABLE, ..Circle::default() };
@@ -147,6 +144,19 @@ impl Demo {
         }
         Ok((views, writer.finish()?))
     }
+}
+
+/// Frames of an earlier run would be replayed as well; nothing else in the folder is touched.
+fn remove_frames(folder: &Path) -> Result<(), Failure> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
+    for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
+        let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+        if name.ends_with("_depth.png") || name.ends_with("_label.png") {
+            let failed = |error| Failure::Failed(format!("cannot remove {}, a frame of an earlier run: {error}", path.display()));
+            std::fs::remove_file(&path).map_err(failed)?;
+        }
+    }
+    Ok(())
 }
 
 /// What is known of a view because it was made up.
@@ -202,8 +212,10 @@ impl View {
         let found = (yaw_of(&from_xyzw(rotation)) + self.azimuth + PI).rem_euclid(self.period);
         let made = self.yaw.rem_euclid(self.period);
         let error = (found - made + self.period / 2.0).rem_euclid(self.period) - self.period / 2.0;
-        let spread = answer["rotation_spread_rad"].as_f64().unwrap_or(0.0).to_degrees();
-        (format!("turned {:>3.0}° ({:.0}°) ± {spread:.0}°", found.to_degrees(), made.to_degrees()), error.abs() <= RIGHT_TURN)
+        // Where half a turn makes no difference, the spread is that of both halves and says nothing.
+        let spread = answer["rotation_spread_rad"].as_f64().filter(|_| self.period == TAU);
+        let spread = spread.map_or(String::new(), |spread| format!(" ± {:.0}°", spread.to_degrees()));
+        (format!("turned {:>3.0}° ({:.0}°){spread}", found.to_degrees(), made.to_degrees()), error.abs() <= RIGHT_TURN)
     }
 }
 

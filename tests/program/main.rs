@@ -7,6 +7,7 @@ mod faults;
 mod full_pose;
 mod harness;
 mod hostile;
+mod household;
 mod operations;
 mod pictures;
 mod pose;

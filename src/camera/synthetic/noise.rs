@@ -21,7 +21,7 @@ pub struct NoiseModel {
     pub inverse_depth_step_per_m: f64,
     /// Nearest and farthest reading, metres; default 0.35 to 4.
     pub range_m: [f64; 2],
-    /// Share of all pixels without reading; default 0.001.
+    /// Share of all pixels without reading; default 0.0003.
     pub dropout: f64,
     /// Angles between the surface's normal and the ray from which on some and all readings are missing, radians; default 75° and 87°.
     pub grazing_rad: [f64; 2],
@@ -52,7 +52,7 @@ impl Default for NoiseModel {
             sensor: SensorModel { constant_m: 0.0002, quadratic_per_m: 0.0015, deviations: 2.0 },
             inverse_depth_step_per_m: 0.00285,
             range_m: [0.35, 4.0],
-            dropout: 0.001,
+            dropout: 0.0003,
             grazing_rad: [75_f64.to_radians(), 87_f64.to_radians()],
             baseline_m: 0.05,
             edge_dropout: 0.35,
