@@ -71,8 +71,7 @@ pub fn query_time(evaluations: &[Evaluation]) -> Image {
 
 /// Rotation error by method, one point per query, the mean as a bar, raw and symmetry-aware: the counterpart of Figs. 5 and 6.
 pub fn pose_error(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> Image {
-    let of_methods =
-        evaluations.iter().map(|e| (table::name(e), e.per_query.iter().filter_map(|q| q.pose_error).collect::<Vec<_>>()));
+    let of_methods = evaluations.iter().map(|e| (table::name(e), e.per_query.iter().filter_map(|q| q.pose_error).collect::<Vec<_>>()));
     let all = of_methods.chain(icp.iter().map(|e| (icp_name(e), e.per_query.clone())));
     let mut strips = Vec::new();
     for (name, errors) in all {

@@ -17,3 +17,4 @@ mod resources;
 mod service;
 mod training;
 mod usage;
+mod viewing;

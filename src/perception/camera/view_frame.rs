@@ -228,9 +228,11 @@ mod tests {
         let mut expected = vec![0.0_f32; CELLS];
         for (i, j, k) in (0..SPAN).flat_map(|i| (0..SPAN).flat_map(move |j| (0..SPAN).map(move |k| (i, j, k)))) {
             let at = into_grid(Vector3::new(i as f64, j as f64, k as f64) - middle);
-            let inside = |p: Vector3<f64>| p.iter().all(|v| *v >= -0.5) && {
-                let [i, j, k] = [p.x, p.y, p.z].map(|v| v.round() as usize);
-                object.is_filled(i, j, k)
+            let inside = |p: Vector3<f64>| {
+                p.iter().all(|v| *v >= -0.5) && {
+                    let [i, j, k] = [p.x, p.y, p.z].map(|v| v.round() as usize);
+                    object.is_filled(i, j, k)
+                }
             };
             let hidden = (0..1000).any(|step| inside(camera + (at - camera) * (f64::from(step) / 999.0)));
             if hidden && k as f64 > 14.5 - frame.half.z {
