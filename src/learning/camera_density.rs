@@ -9,10 +9,11 @@ use super::calibration::fit_blend;
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
 use crate::camera::simulation::{Conditions, Eye, View};
-use crate::grid::{Dims, Observation, Occupancy, Placed, Rotation, yaw};
+use crate::grid::{Dims, Observation, Occupancy, Outside, Placed, Rotation, yaw};
 use crate::linear::LinearError;
 use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
 use crate::perception::camera::{CELLS, CameraScores, Shadow, ShadowImage, Told, ViewFrame, ViewWork};
+use crate::perception::{ClassSubspace, Conditional, PlacedEvidence};
 use faer::Mat;
 use half::f16;
 use nalgebra::Vector3;
@@ -34,9 +35,11 @@ const WINDOW: f64 = 0.75;
 const LEAST_VARIANCE: f64 = 1e-3;
 /// Distances of the camera, in longest sides of the object.
 const DISTANCES: [f64; 2] = [2.5, 6.0];
-/// One in so many shapes is left out for the calibration, and seen so many times.
-const LEFT_OUT: usize = 4;
+/// Views for the calibration: so many per shape that is left out, but no more in all.
 const SEEN: usize = 4;
+const MOST_SEEN: usize = 2400;
+/// Most voxels of grids that are carved for training; of bigger shapes the grids are smaller, and the evidence is not weighed.
+const MOST_VOXELS: usize = 64 * 64 * 64;
 /// Factors on the log density among which left-out shapes choose for the yaw.
 const WEIGHTS: [f64; 8] = [0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0];
 
@@ -48,21 +51,29 @@ pub struct Learned {
     pub calibration: CameraCalibration,
 }
 
+/// Shapes that are left out at first, and what was learned without them.
+pub struct LeftOut<'a> {
+    /// Shapes of each class that are not left out.
+    pub kept: Vec<Vec<&'a Occupancy>>,
+    /// Those that are.
+    pub held: Vec<Vec<&'a Occupancy>>,
+    /// Class subspaces learned from `kept`.
+    pub subspaces: Vec<ClassSubspace>,
+    /// Variance of a voxel about them, inflated.
+    pub noise: f64,
+}
+
 /// Learns from the shapes of each class, for cameras at these `elevations` (radians, ascending). The same shapes and seed give the same
 /// densities, whatever the number of threads.
-pub fn camera_densities(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u64) -> Result<Learned, LinearError> {
-    let (mut kept, mut held) = (Vec::new(), Vec::new());
-    for (s, shapes) in classes.iter().enumerate() {
-        let mut order: Vec<usize> = (0..shapes.len()).collect();
-        order.shuffle(&mut stream(seed, s as u64, 0));
-        // Every class keeps some, and leaves some out.
-        let out = (shapes.len() / LEFT_OUT).max(1);
-        held.push(order[..out].iter().map(|i| shapes[*i]).collect::<Vec<_>>());
-        kept.push(order[out..].iter().map(|i| shapes[*i]).collect::<Vec<_>>());
-    }
+pub fn camera_densities(
+    classes: &[Vec<&Occupancy>],
+    left_out: &LeftOut<'_>,
+    elevations: &[f64],
+    seed: u64,
+) -> Result<Learned, LinearError> {
     let components = feature_basis(classes, elevations, seed)?;
-    let densities = fit(&kept, elevations, &components, seed, 2)?;
-    let calibration = calibrate(&densities, &held, seed)?;
+    let densities = fit(&left_out.kept, elevations, &components, seed, 2)?;
+    let calibration = calibrate(&densities, left_out, seed)?;
     Ok(Learned { densities: fit(classes, elevations, &components, seed, 1)?, calibration })
 }
 
@@ -100,8 +111,9 @@ fn see(object: &Occupancy, turned: f64, elevation: f64, rng: &mut ChaCha8Rng) ->
     let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
     let first = points.first()?;
     let (low, high) = points.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
-    let dims = Dims::cube(30).ok()?;
-    let edge = ((high - low).max() / 20.0).max(1e-3);
+    let dims = if object.dims().voxels() <= MOST_VOXELS { object.dims() } else { Dims::cube(30).ok()? };
+    let shortest = dims.x().min(dims.y()).min(dims.z()) as f64;
+    let edge = ((high - low).max() / (beo_camera::Placement::default().share * shortest)).max(1e-3);
     let centre = axes * ((low + high) / 2.0);
     let (mut bytes, mut observation) = (Vec::new(), Observation::unknown(dims));
     view.carve(dims, &axes, &centre, edge, &mut bytes, &mut observation);
@@ -226,47 +238,64 @@ fn fit(
     Ok(densities)
 }
 
+/// What one view of a shape that was left out says.
+struct Scored {
+    class: usize,
+    /// The step of its yaw.
+    truth: usize,
+    /// Scores by `[class][step]`.
+    table: Vec<f64>,
+    /// The same where yaw, size and place are told, and the evidence then, by class.
+    told: Vec<f64>,
+    evidence: Vec<f64>,
+}
+
 /// How sure the densities may be, on shapes that they have not seen.
-fn calibrate(densities: &CameraDensities, held: &[Vec<&Occupancy>], seed: u64) -> Result<CameraCalibration, LinearError> {
+fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> Result<CameraCalibration, LinearError> {
     let scores = CameraScores::new(densities);
-    let m = held.len();
-    let views: Vec<(usize, usize, &Occupancy)> = held
-        .iter()
-        .enumerate()
-        .flat_map(|(s, shapes)| shapes.iter().enumerate().flat_map(move |(i, shape)| (0..SEEN).map(move |n| (s, i * SEEN + n, *shape))))
-        .collect();
+    let m = left_out.held.len();
+    let of_class = |(s, shapes): (usize, &Vec<&'_ Occupancy>)| -> Vec<(usize, usize, usize)> {
+        (0..shapes.len()).flat_map(|i| (0..SEEN).map(move |n| (s, i, i * SEEN + n))).collect()
+    };
+    let mut views: Vec<(usize, usize, usize)> = left_out.held.iter().enumerate().flat_map(of_class).collect();
+    views.shuffle(&mut stream(seed, 1 << 23, 0));
+    views.truncate(MOST_SEEN);
     let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
-    // For each view: its class, the step of its yaw, and the scores by [class][step].
-    let scored: Vec<(usize, usize, Vec<f64>)> = views
-        .par_iter()
-        .filter_map(|(class, view, object)| {
-            let mut rng = stream(seed, 1 << 22 | *class as u64, *view as u64);
-            let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
-            let turned: f64 = rng.random_range(0.0..TAU);
-            let sample = see(object, turned, elevation, &mut rng)?;
-            let mut work = ViewWork::default();
-            scores.score(densities, &sample.frame, &sample.observation, &Told::default(), &vec![true; m], &mut work);
-            let (rotation, ..) = sample.frame.seen(&sample.placed);
-            let truth = (0..YAWS).min_by(|a, b| rest_of(&rotation, *a).abs().total_cmp(&rest_of(&rotation, *b).abs()))?;
+    let score = |(class, shape, view): &(usize, usize, usize)| -> Option<Result<Scored, LinearError>> {
+        let mut rng = stream(seed, 1 << 22 | *class as u64, *view as u64);
+        let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
+        let turned: f64 = rng.random_range(0.0..TAU);
+        let sample = see(left_out.held[*class][*shape], turned, elevation, &mut rng)?;
+        let mut work = ViewWork::default();
+        let mut scored = |told: &Told| {
+            scores.score(densities, &sample.frame, &sample.observation, told, &vec![true; m], &mut work);
             let mut table = vec![f64::NEG_INFINITY; m * YAWS];
             work.cells.iter().for_each(|cell| table[cell.class * YAWS + cell.step] = cell.score);
-            Some((*class, truth, table))
-        })
-        .collect();
+            table
+        };
+        let (rotation, scale, place) = sample.frame.seen(&sample.placed);
+        let table = scored(&Told::default());
+        let told = scored(&Told { yaw: Some(crate::grid::yaw_of(&rotation)), scale: Some(scale), place: Some(place) });
+        let truth = (0..YAWS).min_by(|a, b| rest_of(&rotation, *a).abs().total_cmp(&rest_of(&rotation, *b).abs()))?;
+        let evidence = left_out.evidence(&sample);
+        Some(evidence.map(|evidence| Scored { class: *class, truth, table, told, evidence }))
+    };
+    let scored: Vec<Scored> = views.par_iter().filter_map(score).collect::<Result<_, _>>()?;
     let yaw_loss = |weight: f64| -> f64 {
-        let loss = |(class, truth, table): &(usize, usize, Vec<f64>)| {
-            let of_class = &table[class * YAWS..(class + 1) * YAWS];
-            log_sum(of_class, weight) - weight * of_class[*truth]
+        let loss = |view: &Scored| {
+            let of_class = &view.table[view.class * YAWS..(view.class + 1) * YAWS];
+            log_sum(of_class, weight) - weight * of_class[view.truth]
         };
         scored.iter().map(loss).sum::<f64>() / scored.len().max(1) as f64
     };
     let losses = WEIGHTS.map(yaw_loss);
     let best = (0..WEIGHTS.len()).min_by(|a, b| losses[*a].total_cmp(&losses[*b])).unwrap_or(0);
     let pose_weight = WEIGHTS[best];
-    let labels: Vec<usize> = scored.iter().map(|(class, ..)| *class).collect();
-    let marginal: Vec<Vec<f64>> =
-        scored.iter().map(|(_, _, table)| table.chunks_exact(YAWS).map(|row| log_sum(row, pose_weight) / pose_weight).collect()).collect();
-    let fitted = fit_blend(&[marginal], &labels, m, true)?;
+    let labels: Vec<usize> = scored.iter().map(|view| view.class).collect();
+    let marginal = |of: fn(&Scored) -> &Vec<f64>| -> Vec<Vec<f64>> {
+        scored.iter().map(|view| of(view).chunks_exact(YAWS).map(|row| log_sum(row, pose_weight) / pose_weight).collect()).collect()
+    };
+    let fitted = fit_blend(&[marginal(|view| &view.table)], &labels, m, true)?;
     tracing::debug!(
         pose_weight,
         yaw_loss = losses[best],
@@ -276,13 +305,36 @@ fn calibrate(densities: &CameraDensities, held: &[Vec<&Occupancy>], seed: u64) -
         views = labels.len(),
         "camera densities on shapes that were left out"
     );
+    let together = if scored.iter().all(|view| view.evidence.len() == m) && !scored.is_empty() {
+        let evidence = scored.iter().map(|view| view.evidence.clone()).collect();
+        let both = fit_blend(&[marginal(|view| &view.told), evidence], &labels, m, true)?;
+        tracing::debug!(log_loss = both.log_loss, accuracy = both.accuracy, weights = ?both.weights, "with the evidence, as they truly lie");
+        Some(Blend { hull: both.weights[0], evidence: both.weights[1], distance: 0.0, offsets: both.offsets })
+    } else {
+        None
+    };
     Ok(CameraCalibration {
         pose_weight,
         blend: Blend { hull: fitted.weights[0], offsets: fitted.offsets, ..Blend::default() },
+        together,
         views: labels.len(),
         accuracy: fitted.accuracy,
         log_loss: fitted.log_loss,
     })
+}
+
+impl LeftOut<'_> {
+    /// Log evidence of each class for a shape that lies as it truly does; none where the grids differ in size.
+    fn evidence(&self, sample: &Sample) -> Result<Vec<f64>, LinearError> {
+        let same = self.held.iter().flatten().next().is_some_and(|shape| shape.dims() == sample.observation.dims());
+        if !same {
+            return Ok(Vec::new());
+        }
+        let mut evidence = PlacedEvidence::new(&sample.observation, Outside::Unknown, self.noise);
+        evidence.place(&sample.placed);
+        let of = |class: &ClassSubspace| evidence.of(class, sample.placed.scale, &mut Conditional::new(class.size()));
+        self.subspaces.iter().map(of).collect()
+    }
 }
 
 /// log Σ exp(weight · value).

@@ -2,7 +2,7 @@
 
 use super::basis::{ClassBasis, shared_basis};
 use super::calibration::{Fitted, FittedVoxels, fit_blend, fit_voxels};
-use super::camera_density::camera_densities;
+use super::camera_density::{LeftOut, camera_densities};
 use super::gram::overlaps;
 use super::hull_density::HullMoments;
 use super::shrinkage::{centre, shrunk_covariance};
@@ -128,9 +128,15 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
     let step = |name, done| progress(Step { name, done, total });
 
     let mut held_out = Vec::new();
+    // What was learned without the first fold also scores what cameras see of it.
+    let mut first: Option<(Vec<ClassSubspace>, f64)> = None;
     for (f, fold) in folds.iter().enumerate() {
         step("fitting without a fold, scoring it", f);
-        held_out.push(HeldOut::measure(&data, fold, options)?);
+        let (measured, fit) = HeldOut::measure(&data, fold, options)?;
+        held_out.push(measured);
+        if f == 0 && cameras {
+            first = Some(fit);
+        }
     }
     step("calibrating on held-out objects", folds.len());
     let mut calibration = calibrate(&held_out, data.classes.len())?;
@@ -153,7 +159,18 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
     if cameras {
         step("learning what cameras see", folds.len() + 3);
         let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
-        let learned = camera_densities(&data.classes, &elevations, options.seed)?;
+        let of = |chosen: &dyn Fn(usize) -> Vec<usize>| -> Vec<Vec<&Occupancy>> {
+            (0..data.classes.len()).map(|s| chosen(s).into_iter().map(|i| data.classes[s][i]).collect()).collect()
+        };
+        let fold = &folds[0];
+        let (subspaces, noise) = first.take().unwrap_or_default();
+        let left_out = LeftOut {
+            kept: of(&|s| fold.kept[s].clone()),
+            held: of(&|s| fold.held.iter().filter(|(class, _)| *class == s).map(|(_, i)| *i).collect()),
+            subspaces,
+            noise: noise * calibration.noise_inflation,
+        };
+        let learned = camera_densities(&data.classes, &left_out, &elevations, options.seed)?;
         calibration.camera = Some(learned.calibration);
         camera = Some(learned.densities);
     }
@@ -358,7 +375,8 @@ struct HeldOut {
 type Voxel = ([f32; 5], f32, bool);
 
 impl HeldOut {
-    fn measure(data: &Data<'_>, fold: &Fold, options: &TrainOptions) -> Result<Self, TrainError> {
+    /// Also gives the class subspaces that were learned without the fold, and the noise variance.
+    fn measure(data: &Data<'_>, fold: &Fold, options: &TrainOptions) -> Result<(Self, (Vec<ClassSubspace>, f64)), TrainError> {
         let fit = Fit::new(data, &fold.kept, options)?;
         let rank = fit.basis.rank();
         let view = options.views[0];
@@ -435,7 +453,7 @@ impl HeldOut {
         let evidence = (0..INFLATIONS.len()).map(|i| measured.iter().map(|m| m.0[i].clone()).collect()).collect();
         let distance = measured.iter().map(|m| m.1.clone()).collect();
         let voxels = (0..INFLATIONS.len()).map(|i| measured.iter().flat_map(|m| m.2[i].iter().copied()).collect()).collect();
-        Ok(Self { labels, hull, rank, sampled, evidence, distance, voxels })
+        Ok((Self { labels, hull, rank, sampled, evidence, distance, voxels }, (subspaces, fit.noise)))
     }
 
     fn hull_scores(&self, strength: usize, freedom: f64) -> Vec<Vec<f64>> {

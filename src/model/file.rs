@@ -320,7 +320,11 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
     }
     match (&calibration.camera, elevations.is_empty()) {
         (None, true) => (),
-        (Some(camera), false) if camera.blend.offsets.len() == m && camera.pose_weight > 0.0 => (),
+        (Some(camera), false)
+            if camera.pose_weight > 0.0
+                && std::iter::once(&camera.blend)
+                    .chain(&camera.together)
+                    .all(|blend| blend.offsets.len() == m && blend.distance == 0.0) => {}
         _ => return Err("its calibration does not fit its cameras".into()),
     }
     if m > MOST_CLASSES {

@@ -117,6 +117,10 @@ pub struct CameraCalibration {
     pub pose_weight: f64,
     /// Factor and offsets for the class.
     pub blend: Blend,
+    /// F and the log evidence of the class as it lies best, relative to the background, weighed together; none where the grids were too
+    /// big to fit it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub together: Option<Blend>,
     /// Views of shapes that were left out, on which this was fitted.
     pub views: usize,
     /// Accuracy on them in unknown yaw, classes weighted alike.

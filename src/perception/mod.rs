@@ -58,3 +58,4 @@ pub use pose::{Hypothesis, PoseSearch, RotationPrior};
 pub use projection::ColumnSums;
 pub use subspace::{ClassSubspace, Conditional};
 pub use timings::Timings;
+pub(crate) use viewing::PlacedEvidence;

@@ -163,7 +163,7 @@ impl Perceiver {
     pub(super) fn score_turned(&self, turned: &Observation, wanted: &[bool]) -> Result<(Vec<f64>, Vec<f64>), LinearError> {
         let mut known = Known::new(self.model.dims());
         known.read(turned);
-        let background = self.background(turned, &known);
+        let background = background(self.noise, turned, &known);
         let score = |(class, wanted): (&ClassSubspace, &bool)| {
             if !wanted {
                 return Ok((f64::NEG_INFINITY, f64::NEG_INFINITY));
@@ -180,14 +180,14 @@ impl Perceiver {
         let mut known = Known::new(self.model.dims());
         known.read(turned);
         self.subspaces[class].condition(&known, self.noise, conditional)?;
-        Ok(conditional.log_evidence - self.background(turned, &known))
+        Ok(conditional.log_evidence - background(self.noise, turned, &known))
     }
+}
 
-    /// Log density of the known voxels without a class.
-    pub(super) fn background(&self, turned: &Observation, known: &Known) -> f64 {
-        let voxels = turned.known().count_ones(..) as f64;
-        -0.5 * (voxels * (std::f64::consts::TAU * self.noise).ln() + known.filled.len() as f64 / self.noise)
-    }
+/// Log density of the known voxels without a class: noise of this variance about zero.
+pub(crate) fn background(noise: f64, turned: &Observation, known: &Known) -> f64 {
+    let voxels = turned.known().count_ones(..) as f64;
+    -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + known.filled.len() as f64 / noise)
 }
 
 #[cfg(test)]

@@ -13,23 +13,37 @@ use super::known::Known;
 use super::perceiver::{PerceiveError, Perceiver, Workspace, most_probable};
 use super::percept::{Lay, ScaleSearch};
 use super::pose::posterior::Sample;
-use super::posing::MODE_RADIUS;
-use super::subspace::Conditional;
+use super::posing::{MODE_RADIUS, background};
+use super::subspace::{ClassSubspace, Conditional};
 use super::{Method, Percept, PoseSearch, Query};
-use crate::grid::{Observation, Placed, Turn, yaw};
+use crate::grid::{Observation, Outside, Placed, Turn, yaw};
 use crate::linear::LinearError;
 use crate::model::{CameraDensities, OFFSETS, YAWS};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Modes of the most probable class that are refined, at most; only those within so much of the best, in nats.
-const MOST_REFINED: usize = 3;
+/// Modes of a class that are refined, at most; only those within so much of the best, in nats.
+const MOST_MODES: usize = 3;
 const HOPELESS: f64 = 3.0;
+/// Classes whose modes are refined: at least so likely by the view's densities, and at most so many.
+const LEAST_LIKELY: f64 = 0.03;
+const MOST_LIKELY: usize = 4;
 /// What is visible is this share of the longest side, and the place of the centre that far from that of what is visible (units), where no
 /// density says it.
 const VISIBLE: f64 = 0.92;
 const UNSURE: [f64; OFFSETS] = [0.1, 0.1, 1.5, 1.0, 1.0, 4.0, 4.0, 4.0];
+
+/// A class as it lies best.
+#[derive(Clone, Copy, Debug)]
+struct Mode {
+    cell: Cell,
+    refined: super::camera::Refined,
+    /// Log posterior of this mode, up to a constant.
+    value: f64,
+    /// Relative to the background.
+    log_evidence: f64,
+}
 
 impl Perceiver {
     /// Whether a query is one about what a camera sees.
@@ -77,11 +91,15 @@ impl Perceiver {
             percept.posterior.push(blend.0 * score + blend.1.get(s).copied().unwrap_or(0.0) + query.log_prior(s));
         }
         softmax(&mut percept.posterior);
+        let modes = self.refine_modes(query, &frame, &told, pose_weight, work, &percept.posterior)?;
+        self.weigh_evidence(query, &modes, percept);
         percept.scores.iter_mut().filter(|score| !score.is_finite()).for_each(|score| *score = 0.0);
         percept.class = most_probable(&percept.posterior);
         percept.timings.classified = work.stopwatch.elapsed();
         percept.spread = work.merging.hypotheses(&work.samples, &percept.posterior, MODE_RADIUS, true, &mut percept.hypotheses);
-        self.lay(query, &frame, &told, pose_weight, work, percept)?;
+        if let Some(mode) = modes.iter().find(|mode| mode.cell.class == percept.class) {
+            self.lay(query, &frame, mode, percept);
+        }
         percept.timings.posed = work.stopwatch.elapsed();
         work.turn.set_to_object(&percept.placed);
         work.turn.observation_into(&work.seen, query.outside, &mut work.turned);
@@ -129,14 +147,15 @@ impl Perceiver {
                 let step = (angle.rem_euclid(TAU) / TAU * YAWS as f64).round() as usize % YAWS;
                 let mut offsets = expected;
                 offsets[0] = angle - CameraDensities::yaw(step);
-                let (mut moved, mut turn) = self.moving();
+                let mut evidence = PlacedEvidence::new(seen, query.outside, self.noise);
+                let cell = Cell { class: 0, step, score: 0.0, offsets, deviations: UNSURE };
+                let placed = frame.placed(*angle, cell.scale(), &cell.place());
+                evidence.place(&placed);
                 let mut cells = Vec::new();
                 for class in (0..wanted.len()).filter(|class| wanted[*class]) {
                     let mut conditional = Conditional::new(self.subspaces[class].size());
-                    let mut cell = Cell { class, step, score: 0.0, offsets, deviations: UNSURE };
-                    let placed = frame.placed(*angle, cell.scale(), &cell.place());
-                    cell.score = self.moved_evidence(query, seen, &placed, class, &mut turn, &mut moved, &mut conditional)?;
-                    cells.push(cell);
+                    let score = evidence.of(&self.subspaces[class], placed.scale, &mut conditional)?;
+                    cells.push(Cell { class, score, ..cell });
                 }
                 Ok(cells)
             })
@@ -144,6 +163,21 @@ impl Perceiver {
         work.view.cells.clear();
         work.view.cells.extend(cells.into_iter().flatten());
         Ok((blend.evidence.max(1e-9), (blend.evidence, &blend.offsets)))
+    }
+
+    /// Weighs the evidence of the likely classes, each as it lies best, into the posterior; the others get the best of these, which says
+    /// nothing about them.
+    fn weigh_evidence(&self, query: &Query, modes: &[Mode], percept: &mut Percept) {
+        let Some(together) = self.model.metadata.calibration.camera.as_ref().and_then(|camera| camera.together.as_ref()) else { return };
+        let best = modes.iter().map(|mode| mode.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        if query.method != Method::Auto || query.camera.is_none() || !best.is_finite() {
+            return;
+        }
+        for (s, p) in percept.posterior.iter_mut().enumerate() {
+            let evidence = modes.iter().find(|mode| mode.cell.class == s).map_or(best, |mode| mode.log_evidence);
+            *p = together.hull * percept.scores[s] + together.evidence * evidence + together.offsets[s] + query.log_prior(s);
+        }
+        softmax(&mut percept.posterior);
     }
 
     /// Offsets that are expected where no density says them.
@@ -156,48 +190,64 @@ impl Perceiver {
         [0.0, scale.ln(), place.x, place.y, place.z, side, side, side]
     }
 
-    /// Finds how the object lies: refines the likely modes of the most probable class, and keeps the best.
-    fn lay(
-        &self,
-        query: &Query,
-        frame: &ViewFrame,
-        told: &Told,
-        pose_weight: f64,
-        work: &mut Workspace,
-        percept: &mut Percept,
-    ) -> Result<(), PerceiveError> {
-        let class = percept.class;
-        // Peaks of the class, the best first; one cell for each.
-        let mut order: Vec<&Cell> = work.view.cells.iter().filter(|cell| cell.class == class && cell.score.is_finite()).collect();
+    /// The likely modes of a class: its best cells, apart from each other, the best first.
+    fn modes<'w>(&self, class: usize, pose_weight: f64, cells: &'w [Cell], most: usize) -> Vec<&'w Cell> {
+        let mut order: Vec<&Cell> = cells.iter().filter(|cell| cell.class == class && cell.score.is_finite()).collect();
         order.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.step.cmp(&b.step)));
         let mut modes: Vec<&Cell> = Vec::new();
         for cell in order {
             let apart = modes.iter().all(|mode| super::camera::wrapped(mode.yaw() - cell.yaw()).abs() > 2.0 * MODE_RADIUS);
             let hopeless = modes.first().is_some_and(|best| pose_weight * (best.score - cell.score) > HOPELESS);
-            if modes.len() < MOST_REFINED && apart && !hopeless {
+            if modes.len() < most && apart && !hopeless {
                 modes.push(cell);
             }
         }
+        modes
+    }
+
+    /// Refines the likely modes of the likely classes, on all threads; gives the best of each class.
+    fn refine_modes(
+        &self,
+        query: &Query,
+        frame: &ViewFrame,
+        told: &Told,
+        pose_weight: f64,
+        work: &Workspace,
+        posterior: &[f64],
+    ) -> Result<Vec<Mode>, LinearError> {
+        let mut likely: Vec<usize> = (0..posterior.len()).filter(|class| posterior[*class] >= LEAST_LIKELY).collect();
+        likely.sort_by(|a, b| posterior[*b].total_cmp(&posterior[*a]).then(a.cmp(b)));
+        likely.truncate(MOST_LIKELY);
+        let most = if likely.len() > 1 { MOST_MODES - 1 } else { MOST_MODES };
+        let cells: Vec<&Cell> = likely.iter().flat_map(|class| self.modes(*class, pose_weight, &work.view.cells, most)).collect();
         let weight = self.model.metadata.calibration.evidence.evidence.max(1e-9);
-        let seen = &work.seen;
-        let refined: Vec<(Cell, super::camera::Refined)> = modes
+        let refined: Vec<Mode> = cells
             .par_iter()
             .map(|cell| {
-                let start = start(cell, told);
-                let (mut moved, mut turn) = self.moving();
-                let mut conditional = Conditional::new(self.subspaces[class].size());
-                let refined = refine(&start, |at| {
+                let mut evidence = PlacedEvidence::new(&work.seen, query.outside, self.noise);
+                let class = &self.subspaces[cell.class];
+                let mut conditional = Conditional::new(class.size());
+                let mut of = |at: &super::camera::Parameters| {
                     let placed = frame.placed(at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
-                    Ok::<_, LinearError>(
-                        weight * self.moved_evidence(query, seen, &placed, class, &mut turn, &mut moved, &mut conditional)?,
-                    )
-                })?;
-                Ok((**cell, super::camera::Refined { value: refined.value + pose_weight * cell.score, ..refined }))
+                    evidence.place(&placed);
+                    evidence.of(class, placed.scale, &mut conditional)
+                };
+                let refined = refine(&start(cell, told), |at| Ok::<_, LinearError>(weight * of(at)?))?;
+                let log_evidence = of(&refined.parameters)?;
+                Ok(Mode { cell: **cell, value: refined.value + pose_weight * cell.score, refined, log_evidence })
             })
             .collect::<Result<_, LinearError>>()?;
-        let Some((cell, best)) = refined.into_iter().reduce(|best, next| if next.1.value > best.1.value { next } else { best }) else {
-            return Ok(());
+        let best_of = |class: &usize| {
+            let of_class = refined.iter().filter(|mode| mode.cell.class == *class);
+            of_class.reduce(|best, next| if next.value > best.value { next } else { best }).copied()
         };
+        Ok(likely.iter().filter_map(best_of).collect())
+    }
+
+    /// Says how the object lies.
+    fn lay(&self, query: &Query, frame: &ViewFrame, mode: &Mode, percept: &mut Percept) {
+        let Mode { cell, refined: best, .. } = mode;
+        let class = cell.class;
         let [angle, log_scale, x, y, z] = best.parameters;
         percept.placed = match query.scale {
             ScaleSearch::Known => {
@@ -226,32 +276,38 @@ impl Perceiver {
             extent_deviation: std::array::from_fn(|axis| cell.deviations[5 + axis] * frame.unit),
             position_deviation: if searched { [mixed(cos, sin), mixed(sin, cos), dz] } else { [0.0; 3] },
         });
-        Ok(())
+    }
+}
+
+/// The evidence of objects that are placed in a grid, and memory for it.
+pub(crate) struct PlacedEvidence<'a> {
+    seen: &'a Observation,
+    outside: Outside,
+    noise: f64,
+    turn: Turn,
+    moved: Observation,
+    known: Known,
+}
+
+impl<'a> PlacedEvidence<'a> {
+    /// For an observation, whose dims are those of the canonical grid too; `outside` says what lies beyond it.
+    pub(crate) fn new(seen: &'a Observation, outside: Outside, noise: f64) -> Self {
+        let dims = seen.dims();
+        Self { seen, outside, noise, turn: Turn::new(dims, &yaw(0.0)), moved: Observation::unknown(dims), known: Known::new(dims) }
     }
 
-    /// Memory for moving observations to the canonical grid.
-    fn moving(&self) -> ((Observation, Known), Turn) {
-        let dims = self.model.dims();
-        ((Observation::unknown(dims), Known::new(dims)), Turn::new(dims, &yaw(0.0)))
+    /// Moves the observation to the canonical grid of an object that lies so.
+    pub(crate) fn place(&mut self, placed: &Placed) {
+        self.turn.set_to_object(placed);
+        self.turn.observation_into(self.seen, self.outside, &mut self.moved);
+        self.known.read(&self.moved);
     }
 
-    /// Log evidence of a class, relative to the background, if the object lies so; in voxels of the grid that was observed.
-    #[allow(clippy::too_many_arguments)]
-    fn moved_evidence(
-        &self,
-        query: &Query,
-        seen: &Observation,
-        placed: &Placed,
-        class: usize,
-        turn: &mut Turn,
-        (moved, known): &mut (Observation, Known),
-        conditional: &mut Conditional,
-    ) -> Result<f64, LinearError> {
-        turn.set_to_object(placed);
-        turn.observation_into(seen, query.outside, moved);
-        known.read(moved);
-        self.subspaces[class].condition(known, self.noise, conditional)?;
-        Ok(placed.scale.powi(3) * (conditional.log_evidence - self.background(moved, known)))
+    /// Log evidence of a class, relative to the background, of the object that was placed with this scale; in voxels of the grid that was
+    /// observed.
+    pub(crate) fn of(&self, class: &ClassSubspace, scale: f64, conditional: &mut Conditional) -> Result<f64, LinearError> {
+        class.condition(&self.known, self.noise, conditional)?;
+        Ok(scale.powi(3) * (conditional.log_evidence - background(self.noise, &self.moved, &self.known)))
     }
 }
 
@@ -283,7 +339,7 @@ fn start(cell: &Cell, told: &Told) -> Placement {
 mod tests {
     use super::*;
     use crate::camera::simulation::{self, Eye};
-    use crate::grid::{Outside, yaw_of};
+    use crate::grid::yaw_of;
     use crate::perception::pose::small::{seeing_perceiver, unseen};
     use std::f64::consts::FRAC_PI_2;
 
