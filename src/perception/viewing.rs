@@ -24,11 +24,11 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Modes of a class that are refined, at most; only those within so much of the best, in nats.
-const MOST_MODES: usize = 3;
+const MOST_MODES: usize = 2;
 const HOPELESS: f64 = 3.0;
 /// Classes whose modes are refined: at least so likely by the view's densities, and at most so many.
-const LEAST_LIKELY: f64 = 0.03;
-const MOST_LIKELY: usize = 4;
+const LEAST_LIKELY: f64 = 0.05;
+const MOST_LIKELY: usize = 3;
 /// What is visible is this share of the longest side, and the place of the centre that far from that of what is visible (units), where no
 /// density says it.
 const VISIBLE: f64 = 0.92;
@@ -165,19 +165,25 @@ impl Perceiver {
         Ok((blend.evidence.max(1e-9), (blend.evidence, &blend.offsets)))
     }
 
-    /// Weighs the evidence of the likely classes, each as it lies best, into the posterior; the others get the best of these, which says
-    /// nothing about them.
+    /// Weighs the evidence of the likely classes, each as it lies best, into the posterior. Together they stay as likely as the view's
+    /// densities made them, and so does each of the others.
     fn weigh_evidence(&self, query: &Query, modes: &[Mode], percept: &mut Percept) {
         let Some(together) = self.model.metadata.calibration.camera.as_ref().and_then(|camera| camera.together.as_ref()) else { return };
-        let best = modes.iter().map(|mode| mode.log_evidence).fold(f64::NEG_INFINITY, f64::max);
-        if query.method != Method::Auto || query.camera.is_none() || !best.is_finite() {
+        if query.method != Method::Auto || query.camera.is_none() || modes.is_empty() {
             return;
         }
-        for (s, p) in percept.posterior.iter_mut().enumerate() {
-            let evidence = modes.iter().find(|mode| mode.cell.class == s).map_or(best, |mode| mode.log_evidence);
-            *p = together.hull * percept.scores[s] + together.evidence * evidence + together.offsets[s] + query.log_prior(s);
+        let likely: f64 = modes.iter().map(|mode| percept.posterior[mode.cell.class]).sum();
+        let mut weighed: Vec<f64> = modes
+            .iter()
+            .map(|mode| {
+                let s = mode.cell.class;
+                together.hull * percept.scores[s] + together.evidence * mode.log_evidence + together.offsets[s] + query.log_prior(s)
+            })
+            .collect();
+        softmax(&mut weighed);
+        for (mode, p) in modes.iter().zip(weighed) {
+            percept.posterior[mode.cell.class] = likely * p;
         }
-        softmax(&mut percept.posterior);
     }
 
     /// Offsets that are expected where no density says them.
@@ -215,11 +221,18 @@ impl Perceiver {
         work: &Workspace,
         posterior: &[f64],
     ) -> Result<Vec<Mode>, LinearError> {
-        let mut likely: Vec<usize> = (0..posterior.len()).filter(|class| posterior[*class] >= LEAST_LIKELY).collect();
+        // Where all is told there is nothing to refine, and a class costs no more than its evidence.
+        let (least, most) = match told {
+            Told { yaw: Some(_), scale: Some(_), place: Some(_) } => (1e-4, posterior.len()),
+            _ => (LEAST_LIKELY, MOST_LIKELY),
+        };
+        let mut likely: Vec<usize> = (0..posterior.len()).filter(|class| posterior[*class] >= least).collect();
         likely.sort_by(|a, b| posterior[*b].total_cmp(&posterior[*a]).then(a.cmp(b)));
-        likely.truncate(MOST_LIKELY);
-        let most = if likely.len() > 1 { MOST_MODES - 1 } else { MOST_MODES };
-        let cells: Vec<&Cell> = likely.iter().flat_map(|class| self.modes(*class, pose_weight, &work.view.cells, most)).collect();
+        likely.truncate(most);
+        // The most probable class is looked at more closely.
+        let modes =
+            |(place, class): (usize, &usize)| self.modes(*class, pose_weight, &work.view.cells, if place == 0 { MOST_MODES } else { 1 });
+        let cells: Vec<&Cell> = likely.iter().enumerate().flat_map(modes).collect();
         let weight = self.model.metadata.calibration.evidence.evidence.max(1e-9);
         let refined: Vec<Mode> = cells
             .par_iter()
