@@ -1,6 +1,8 @@
 //! The kernels of a query one by one, and whole queries, with the shipped model on made-up furniture: one piece of each class in
 //! turn, so that no figure is that of one object. `cargo bench --bench kernels -- --test` runs each once.
 
+use beo::benchmark::latency::six_objects;
+use beo::camera::{GridOptions, carve, lay_grids};
 use beo::grid::{Dims, Observation, Outside, Rotation, Turn, View, distance_transform, yaw};
 use beo::linear;
 use beo::model::{Model, load};
@@ -152,11 +154,32 @@ fn query(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// A depth image of 640 × 480 pixels, in memory, to the grids of its six objects.
+fn camera(criterion: &mut Criterion) {
+    let scene = six_objects();
+    let options = GridOptions::new(Dims::cube(30).unwrap());
+    let mut voxels = vec![0; options.dims.voxels()];
+    let mut group = criterion.benchmark_group("camera");
+    group.bench_function("plane and placement, 6 objects", |b| b.iter(|| lay_grids(scene.frame(), &options)));
+    let laid = lay_grids(scene.frame(), &options);
+    let carvers: Vec<_> = laid.objects.iter().filter_map(|object| object.carver.as_ref().ok()).collect();
+    let mut next = in_turn(&carvers);
+    group.bench_function("carving, one object", |b| b.iter(|| carve(next.next().unwrap(), &mut voxels)));
+    group.bench_function("frame to grids, 6 objects", |b| {
+        b.iter(|| {
+            for object in &lay_grids(scene.frame(), &options).objects {
+                carve(object.carver.as_ref().expect("all six are seen"), &mut voxels).unwrap();
+            }
+        })
+    });
+    group.finish();
+}
+
 /// Few samples: what is compared are medians, and a search over rotations takes its time.
 fn settings() -> Criterion {
     let times = std::time::Duration::from_secs;
     Criterion::default().sample_size(20).warm_up_time(times(1)).measurement_time(times(2))
 }
 
-criterion_group!(name = kernels; config = settings(); targets = class, hull, cholesky, grids, query);
+criterion_group!(name = kernels; config = settings(); targets = class, hull, cholesky, grids, query, camera);
 criterion_main!(kernels);

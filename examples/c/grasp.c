@@ -6,7 +6,8 @@
  *
  * Centroid: the mean of the voxels' centres, weighted with their probability of being filled; its uncertainty is what it would move if all
  * voxels' deviations went together, the worst case. Extent along each axis of the frame: of the voxels whose probability is at least one
- * half, between brackets if each had one deviation less, and one more.
+ * half, between brackets if each had one deviation less, and one more. From every percept of a grid whose size and place were to be
+ * found, as a depth camera's are: the box that the daemon found.
  */
 
 #include <beo.h>
@@ -118,6 +119,17 @@ static void print(const beo_completion_view *view) {
     }
 }
 
+/* Where the object's box is and how big, if the daemon was asked to find out: in the sensor's frame, sides along the object's axes. */
+static void print_box(const beo_percept *percept) {
+    const double *p = percept->object_position_m;
+    const float *dp = percept->object_position_deviation_m, *e = percept->object_extent_m, *de = percept->object_extent_deviation_m;
+    if (percept->status == BEO_PERCEPT_STATUS_OK && e[0] > 0) {
+        printf("#%llu box at (%.3f, %.3f, %.3f) +- (%.3f, %.3f, %.3f) m, sides %.3f x %.3f x %.3f +- (%.3f, %.3f, %.3f) m\n", (unsigned long long)percept->sequence, p[0], p[1], p[2],
+               (double)dp[0], (double)dp[1], (double)dp[2], (double)e[0], (double)e[1], (double)e[2], (double)de[0], (double)de[1],
+               (double)de[2]);
+    }
+}
+
 int main(int argc, char **argv) {
     const char *instance = argc > 1 ? argv[1] : NULL;
     const unsigned long count = argc > 2 ? strtoul(argv[2], NULL, 10) : ULONG_MAX;
@@ -145,6 +157,11 @@ int main(int argc, char **argv) {
             fflush(stdout);
             beo_completion_release(completion); /* The arrays of the view end here. */
             done++;
+        }
+        beo_percept percept;
+        while (status >= 0 && (status = beo_subscriber_take_percept(subscriber, &percept)) == BEO_STATUS_OK) {
+            print_box(&percept);
+            fflush(stdout);
         }
     }
     if (status < 0) {

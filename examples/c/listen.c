@@ -1,4 +1,4 @@
-/* A robot's process: prints class, pose and latency of what the daemon perceives.
+/* A robot's process: prints class, pose, box and latency of what the daemon perceives.
  *
  *     listen [INSTANCE] [COUNT]
  *
@@ -20,6 +20,17 @@ static const char *class_name(const beo_percept *percept, beo_subscriber *subscr
     return status.model_id == percept->model_id ? (const char *)status.class_names[percept->class_index] : "?";
 }
 
+/* Where the object's box is and how big, if the daemon was asked to find out: in the sensor's frame, sides along the object's axes. */
+static void print_box(const beo_percept *percept) {
+    const double *p = percept->object_position_m;
+    const float *dp = percept->object_position_deviation_m, *e = percept->object_extent_m, *de = percept->object_extent_deviation_m;
+    if (percept->status == BEO_PERCEPT_STATUS_OK && e[0] > 0) {
+        printf("box at (%.3f, %.3f, %.3f) +- (%.3f, %.3f, %.3f) m, sides %.3f x %.3f x %.3f +- (%.3f, %.3f, %.3f) m, ", p[0], p[1], p[2],
+               (double)dp[0], (double)dp[1], (double)dp[2], (double)e[0], (double)e[1], (double)e[2], (double)de[0], (double)de[1],
+               (double)de[2]);
+    }
+}
+
 static void print(const beo_percept *percept, beo_subscriber *subscriber) {
     const unsigned long long number = percept->sequence;
     const double latency_us = (double)(beo_monotonic_ns() - percept->capture_ns) / 1e3;
@@ -33,6 +44,7 @@ static void print(const beo_percept *percept, beo_subscriber *subscriber) {
         printf("rotation (%.3f, %.3f, %.3f, %.3f), spread %.1f deg, ", (double)q[0], (double)q[1], (double)q[2], (double)q[3],
                (double)percept->rotation_spread_rad * 57.29577951308232);
     }
+    print_box(percept);
     printf("%.0f us\n", latency_us);
 }
 

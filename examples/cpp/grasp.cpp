@@ -6,7 +6,8 @@
 //
 // Centroid: the mean of the voxels' centres, weighted with their probability of being filled; its uncertainty is what it would move if all
 // voxels' deviations went together, the worst case. Extent along each axis of the frame: of the voxels whose probability is at least one
-// half, between brackets if each had one deviation less, and one more.
+// half, between brackets if each had one deviation less, and one more. From every percept of a grid whose size and place were to be found,
+// as a depth camera's are: the box that the daemon found.
 
 #include <beo.hpp>
 
@@ -134,6 +135,18 @@ void print(const beo::Completion &completion) {
     }
 }
 
+// Where the object's box is and how big, if the daemon was asked to find out: in the sensor's frame, sides along the object's axes.
+void print_box(const beo::Percept &percept) {
+    const double *p = percept.object_position_m;
+    const float *dp = percept.object_position_deviation_m, *e = percept.object_extent_m, *de = percept.object_extent_deviation_m;
+    if (beo::has_box(percept)) {
+        std::printf("#%llu box at (%.3f, %.3f, %.3f) +- (%.3f, %.3f, %.3f) m, sides %.3f x %.3f x %.3f +- (%.3f, %.3f, %.3f) m\n", static_cast<unsigned long long>(percept.sequence), p[0],
+                    p[1], p[2], static_cast<double>(dp[0]), static_cast<double>(dp[1]), static_cast<double>(dp[2]),
+                    static_cast<double>(e[0]), static_cast<double>(e[1]), static_cast<double>(e[2]), static_cast<double>(de[0]),
+                    static_cast<double>(de[1]), static_cast<double>(de[2]));
+    }
+}
+
 void run(const std::string &instance, unsigned long count) {
     beo::Subscriber::Options options;
     options.completion = true;
@@ -153,6 +166,10 @@ void run(const std::string &instance, unsigned long count) {
             print(*completion);
             std::fflush(stdout);
             done++;
+        }
+        while (const auto percept = subscriber.take_percept()) {
+            print_box(*percept);
+            std::fflush(stdout);
         }
     }
 }

@@ -1,4 +1,4 @@
-// A robot's process: prints class, pose and latency of what the daemon perceives.
+// A robot's process: prints class, pose, box and latency of what the daemon perceives.
 //
 //     listen [INSTANCE] [COUNT]
 //
@@ -23,6 +23,18 @@ std::string class_name(const beo::Percept &percept, beo::Subscriber &subscriber)
     return status && status->model_id == percept.model_id ? std::string(beo::class_name(*status, percept.class_index)) : "?";
 }
 
+// Where the object's box is and how big, if the daemon was asked to find out: in the sensor's frame, sides along the object's axes.
+void print_box(const beo::Percept &percept) {
+    const double *p = percept.object_position_m;
+    const float *dp = percept.object_position_deviation_m, *e = percept.object_extent_m, *de = percept.object_extent_deviation_m;
+    if (beo::has_box(percept)) {
+        std::printf("box at (%.3f, %.3f, %.3f) +- (%.3f, %.3f, %.3f) m, sides %.3f x %.3f x %.3f +- (%.3f, %.3f, %.3f) m, ", p[0],
+                    p[1], p[2], static_cast<double>(dp[0]), static_cast<double>(dp[1]), static_cast<double>(dp[2]),
+                    static_cast<double>(e[0]), static_cast<double>(e[1]), static_cast<double>(e[2]), static_cast<double>(de[0]),
+                    static_cast<double>(de[1]), static_cast<double>(de[2]));
+    }
+}
+
 void print(const beo::Percept &percept, beo::Subscriber &subscriber) {
     const auto number = static_cast<unsigned long long>(percept.sequence);
     const double latency_us = static_cast<double>(beo::monotonic_ns() - percept.capture_ns) / 1e3;
@@ -39,6 +51,7 @@ void print(const beo::Percept &percept, beo::Subscriber &subscriber) {
                     static_cast<double>(percept.rotation_spread_rad) * 57.29577951308232);
         break; // Most probable first.
     }
+    print_box(percept);
     std::printf("%.0f us\n", latency_us);
 }
 

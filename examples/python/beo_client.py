@@ -30,6 +30,21 @@ def set_text(field, value):
     field[:] = value.encode()[:size].ljust(size, b"\0")
 
 
+def box(percept):
+    """Where the object's box is and how big, as text, if the daemon was asked to find out: in the sensor's frame, sides along the object's
+    axes. Else None."""
+    if percept.status != messages.PerceptStatus.OK or not percept.object_extent_m[0] > 0:
+        return None
+
+    def listed(values, separator=", "):
+        return separator.join(f"{value:.3f}" for value in values)
+
+    return (
+        f"box at ({listed(percept.object_position_m)}) +- ({listed(percept.object_position_deviation_m)}) m, "
+        f"sides {listed(percept.object_extent_m, ' x ')} +- ({listed(percept.object_extent_deviation_m)}) m"
+    )
+
+
 class NotRunning(RuntimeError):
     """No daemon serves the instance (yet): try again."""
 

@@ -6,7 +6,8 @@ INSTANCE: of the daemon (default); COUNT: completions to print (without end).
 
 Centroid: the mean of the voxels' centres, weighted with their probability of being filled; its uncertainty is what it would move if all
 voxels' deviations went together, the worst case. Extent along each axis of the frame: of the voxels whose probability is at least one
-half, between brackets if each had one deviation less, and one more.
+half, between brackets if each had one deviation less, and one more. From every percept of a grid whose size and place were to be found,
+as a depth camera's are: the box that the daemon found.
 """
 
 import sys
@@ -68,6 +69,9 @@ def main(instance="default", count="inf"):
         while done < float(count) and (completion := subscriber.take_completion()) is not None:
             print(describe(completion), flush=True)
             done += 1
+        while (percept := subscriber.take_percept()) is not None:
+            if (box := beo.box(percept)) is not None:
+                print(f"#{percept.sequence} {box}", flush=True)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,8 @@ def describe(percept, subscriber):
     if percept.hypothesis_count > 0:
         rotation = ", ".join(f"{value:.3f}" for value in percept.hypotheses[0].rotation_object_to_grid)
         line += f"rotation ({rotation}), spread {math.degrees(percept.rotation_spread_rad):.1f} deg, "
+    if (box := beo.box(percept)) is not None:
+        line += f"{box}, "
     return line + f"{latency_us:.0f} us"
 
 

@@ -78,6 +78,15 @@ def log_pose(percept, class_name):
     rr.log("class", rr.TextLog(f"{class_name} {100 * percept.posterior[percept.class_index]:.1f} %"))
 
 
+def log_box(percept):
+    """The object's box, if its size was found: its centre in the sensor's frame, its sides along the object's axes."""
+    if not percept.object_extent_m[0] > 0:
+        return rr.log("sensor/box", rr.Clear(recursive=True))
+    rr.log("sensor/box", rr.Transform3D(translation=list(percept.object_position_m), quaternion=rr.Quaternion(xyzw=list(percept.orientation))))
+    turned = rr.Quaternion(xyzw=list(percept.hypotheses[0].rotation_object_to_grid)) if percept.hypothesis_count else rr.Quaternion(xyzw=[0, 0, 0, 1])
+    rr.log("sensor/box/object", rr.Boxes3D(half_sizes=[[side / 2 for side in percept.object_extent_m]], quaternions=[turned], colors=[ORANGE]))
+
+
 def main(instance="default", count="inf", file=None):
     recorder = beo.within(10, lambda: Recorder(instance))
     rr.init("beo", spawn=file is None)
@@ -98,6 +107,7 @@ def main(instance="default", count="inf", file=None):
             if percept.status == messages.PerceptStatus.OK:
                 rr.set_time("sequence", sequence=percept.sequence)
                 log_pose(percept, recorder.class_name(percept))
+                log_box(percept)
             shown += 1
     print(f"showed {shown} percepts")
 

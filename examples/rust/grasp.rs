@@ -6,10 +6,13 @@
 //!
 //! Centroid: the mean of the voxels' centres, weighted with their probability of being filled; its uncertainty is what it would move if all
 //! voxels' deviations went together, the worst case. Extent along each axis of the frame: of the voxels whose probability is at least one
-//! half, between brackets if each had one deviation less, and one more.
+//! half, between brackets if each had one deviation less, and one more. From every percept of a grid whose size and place were to be
+//! found, as a depth camera's are: the box that the daemon found.
 
 use beo_ipc::text::from_field;
-use beo_ipc::{Completion, CompletionFrame, CompletionHeader, InstanceName, ReconnectingSubscriber, SubscriberOptions};
+use beo_ipc::{
+    Completion, CompletionFrame, CompletionHeader, InstanceName, Percept, PerceptStatus, ReconnectingSubscriber, SubscriberOptions,
+};
 use std::time::Duration;
 
 type Vector = [f64; 3];
@@ -94,6 +97,17 @@ fn print(completion: &Completion) {
     );
 }
 
+/// Where the object's box is and how big, if the daemon was asked to find out: in the sensor's frame, sides along the object's axes.
+fn found_box(percept: &Percept) -> Option<String> {
+    let ([x, y, z], [dx, dy, dz]) = (percept.object_position_m, percept.object_position_deviation_m);
+    let ([a, b, c], [da, db, dc]) = (percept.object_extent_m, percept.object_extent_deviation_m);
+    (percept.status == PerceptStatus::Ok.code() && a > 0.0).then(|| {
+        format!(
+            "box at ({x:.3}, {y:.3}, {z:.3}) +- ({dx:.3}, {dy:.3}, {dz:.3}) m, sides {a:.3} x {b:.3} x {c:.3} +- ({da:.3}, {db:.3}, {dc:.3}) m"
+        )
+    })
+}
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let instance = InstanceName::new(&arguments.next().unwrap_or("default".into()))?;
@@ -109,6 +123,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         {
             print(&completion);
             done += 1;
+        }
+        while let Some(percept) = subscriber.take_percept()? {
+            if let Some(text) = found_box(&percept) {
+                println!("#{} {text}", percept.sequence);
+            }
         }
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! A robot's process: prints class, pose and latency of what the daemon perceives.
+//! A robot's process: prints class, pose, box and latency of what the daemon perceives.
 //!
 //!     cargo run --release --example listen -- [INSTANCE] [COUNT]
 //!
@@ -21,6 +21,17 @@ fn class_name(percept: &Percept, subscriber: &mut ReconnectingSubscriber) -> Res
     Ok(name.unwrap_or("?").to_owned())
 }
 
+/// Where the object's box is and how big, if the daemon was asked to find out: in the sensor's frame, sides along the object's axes.
+fn found_box(percept: &Percept) -> Option<String> {
+    let ([x, y, z], [dx, dy, dz]) = (percept.object_position_m, percept.object_position_deviation_m);
+    let ([a, b, c], [da, db, dc]) = (percept.object_extent_m, percept.object_extent_deviation_m);
+    (percept.status == PerceptStatus::Ok.code() && a > 0.0).then(|| {
+        format!(
+            "box at ({x:.3}, {y:.3}, {z:.3}) +- ({dx:.3}, {dy:.3}, {dz:.3}) m, sides {a:.3} x {b:.3} x {c:.3} +- ({da:.3}, {db:.3}, {dc:.3}) m"
+        )
+    })
+}
+
 fn print(percept: &Percept, subscriber: &mut ReconnectingSubscriber) -> Result<(), ReconnectError> {
     let (number, latency_us) = (percept.sequence, monotonic_ns().saturating_sub(percept.capture_ns) as f64 / 1e3);
     let probability = match percept.posterior.get(percept.class_index as usize) {
@@ -37,7 +48,8 @@ fn print(percept: &Percept, subscriber: &mut ReconnectingSubscriber) -> Result<(
         }
         None => String::new(),
     };
-    println!("#{number} {} {probability:.1} %, {pose}{latency_us:.0} us", class_name(percept, subscriber)?);
+    let found_box = found_box(percept).map_or(String::new(), |text| text + ", ");
+    println!("#{number} {} {probability:.1} %, {pose}{found_box}{latency_us:.0} us", class_name(percept, subscriber)?);
     Ok(())
 }
 

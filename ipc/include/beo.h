@@ -67,6 +67,8 @@ enum beo_status
     BEO_STATUS_NO_FREE_CHUNK = 6,
     /** Two completions are held: release one. */
     BEO_STATUS_TOO_MANY_HELD = 7,
+    /** The frame does not show enough: no plane that objects could stand on, or too few readings of the object. */
+    BEO_STATUS_NOT_SEEN = 8,
     /** An argument is NULL or out of its range. */
     BEO_STATUS_INVALID_ARGUMENT = -1,
     /** The `size` field of a struct, or a length, is not what it must be. */
@@ -603,6 +605,103 @@ typedef struct beo_producer_options {
     int32_t wait_ms;
 } beo_producer_options;
 
+/**
+ * A pinhole camera with lens distortion, as ROS's `camera_info` with `plumb_bob` describes it. The camera frame is the optical one: x
+ * right, y down, z along the optical axis; pixels count from the centre of the first.
+ */
+typedef struct beo_intrinsics {
+    /** Pixels of a row. */
+    uint32_t width;
+    /** Rows. */
+    uint32_t height;
+    /** Focal length along rows, pixels. */
+    double fx;
+    /** Focal length along columns, pixels. */
+    double fy;
+    /** Column of the principal point, pixels. */
+    double cx;
+    /** Row of the principal point, pixels. */
+    double cy;
+    /** k1, k2, p1, p2, k3; all 0 for none. */
+    double distortion[5];
+} beo_intrinsics;
+
+/** One depth image and which object each of its pixels belongs to, both row by row. Start from `BEO_DEPTH_FRAME_INIT`. */
+typedef struct beo_depth_frame {
+    /** `sizeof(beo_depth_frame)`. */
+    uint32_t size;
+    /** 0. */
+    uint32_t reserved;
+    /** The camera. */
+    struct beo_intrinsics intrinsics;
+    /** Depth along the optical axis, metres; 0, negative or not finite: no reading. See `beo_depth_from_u16` for sensors of integers. */
+    const float *depth_m;
+    /** Readings at `depth_m`: width × height. */
+    size_t depth_count;
+    /** Label of the object that each pixel belongs to; 0: none. */
+    const uint16_t *labels;
+    /** Labels at `labels`: width × height. */
+    size_t label_count;
+} beo_depth_frame;
+
+/**
+ * How far readings may be from the surface: σ(z) = constant_m + quadratic_per_m · z², metres. A voxel within `deviations` of it from the
+ * surface is filled; that band is never thinner than the voxel.
+ */
+typedef struct beo_sensor_model {
+    /** Standard deviation at depth 0, metres. Default: 0.001. */
+    double constant_m;
+    /** Its growth with the squared depth, 1 / metres: 0.0019 for the first Kinect. Default: that. */
+    double quadratic_per_m;
+    /** Half the width of the band, in standard deviations. Default: 2. */
+    double deviations;
+} beo_sensor_model;
+
+/** How a depth frame is looked at. Start from `BEO_CAMERA_OPTIONS_INIT`. */
+typedef struct beo_camera_options {
+    /** `sizeof(beo_camera_options)`. */
+    uint32_t size;
+    /** Pixels with this label are the support's, at most 65535; 0: those that belong to no object. Default: 0. */
+    uint32_t support_label;
+    /** The sensor. */
+    struct beo_sensor_model sensor;
+    /**
+     * What is up in the camera frame, of any length, where it is known (an accelerometer at rest points there); 0, 0, 0 where it is not:
+     * then the support plane says so. Default: that.
+     */
+    double up[3];
+    /** Longest side of what is visible of an object, as a share of its grid's shortest side, above 0 and at most 1. Default: 2 / 3. */
+    double share;
+    /** The object's longest side, metres, where it is known; 0 where it is not. Default: 0. */
+    double known_side_m;
+    /** Fewest readings of an object for which a grid is laid. Default: 40. */
+    uint32_t least_readings;
+    /** 0. */
+    uint32_t reserved;
+} beo_camera_options;
+
+/** A plane in the camera frame: what objects stand on. */
+typedef struct beo_plane {
+    /** Unit normal, to the side where objects are: up. */
+    double normal[3];
+    /** A point p is at the height normal · p + offset_m: of a support plane, how far the camera is above it. Metres. */
+    double offset_m;
+} beo_plane;
+
+/** Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. */
+typedef struct beo_grid {
+    /** Voxels along x, y, z. */
+    uint32_t dims[3];
+    /** 0. */
+    uint32_t reserved;
+    /** Edge of a voxel, metres. */
+    double voxel_size_m;
+    /** The grid's centre, metres. */
+    double position_m[3];
+    /** Turns grid axes into axes of the camera: unit quaternion x, y, z, w. */
+    double orientation[4];
+} beo_grid;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -779,6 +878,85 @@ beo_status beo_loan_commit(struct beo_loan *loan,
 beo_status beo_loan_abandon(struct beo_loan *loan);
 
 /**
+ * Turns a depth image of integers into metres: `depth_m[i]` = `depth[i]` × `scale_m`, which is 0.001 for millimetres. 0 stays 0: no
+ * reading. Once per frame, before the calls below.
+ *
+ * The caller promises:
+ * `depth` is NULL or has `count` readable numbers; `depth_m` is NULL or has `count` writable ones, somewhere else.
+ */
+beo_status beo_depth_from_u16(const uint16_t *depth,
+                              size_t count,
+                              double scale_m,
+                              float *depth_m);
+
+/**
+ * Finds the plane that objects stand on, and stores it in `*plane`: the one with the most readings among the pixels of
+ * `options.support_label`, its normal within 15° of `options.up`; without that, the camera is taken to be upright and to look down on it.
+ * The same frame gives the same plane. `options` may be NULL for the defaults.
+ *
+ * `BEO_STATUS_NOT_SEEN` if there is none: try the next frame, or use a plane that you know.
+ *
+ * The caller promises:
+ * `frame` and `options` are NULL or readable for their `size`, and what the frame points to for as many values as it says; `plane` is
+ * NULL or writable.
+ */
+beo_status beo_fit_support(const struct beo_depth_frame *frame,
+                           const struct beo_camera_options *options,
+                           struct beo_plane *plane);
+
+/**
+ * Lays a grid of nx × ny × nz voxels about the pixels that are labelled `object`, and stores where it lies in `*grid`: upright, x away
+ * from the camera, its centre that of the box about the readings, which reaches down to the support plane if they end near it. Its size
+ * is by `options.share`, or by `options.known_side_m`. `options` may be NULL for the defaults; `support` may be NULL if there is none and
+ * `options.up` says what is up.
+ *
+ * `BEO_STATUS_NOT_SEEN` if the object has too few readings: leave it out of this frame. `BEO_STATUS_BAD_DIMS` as for a producer.
+ *
+ * The caller promises:
+ * `frame` and `options` are NULL or readable for their `size`, and what the frame points to for as many values as it says; `support` is
+ * NULL or readable; `grid` is NULL or writable.
+ */
+beo_status beo_place_grid(const struct beo_depth_frame *frame,
+                          const struct beo_camera_options *options,
+                          uint16_t object,
+                          const struct beo_plane *support,
+                          uint32_t nx,
+                          uint32_t ny,
+                          uint32_t nz,
+                          struct beo_grid *grid);
+
+/**
+ * Writes all `voxel_count` voxels of a grid, those of a loan, say: 0 empty, in front of the measured surface; 1 filled, within the
+ * sensor's band of it at a pixel of `object`; 255 unknown, behind it, hidden, without reading or not in the image. With a `support`, what
+ * lies below it is empty; it may be NULL, as may `options` for the defaults.
+ *
+ * `BEO_STATUS_WRONG_SIZE` if `voxel_count` is not what the grid's dims say.
+ *
+ * The caller promises:
+ * `frame` and `options` are NULL or readable for their `size`, and what the frame points to for as many values as it says; `support` and
+ * `grid` are NULL or readable; `voxels` is NULL or has `voxel_count` writable bytes.
+ */
+beo_status beo_carve(const struct beo_depth_frame *frame,
+                     const struct beo_camera_options *options,
+                     uint16_t object,
+                     const struct beo_plane *support,
+                     const struct beo_grid *grid,
+                     uint8_t *voxels,
+                     size_t voxel_count);
+
+/**
+ * Fills in `header` for a grid that was carved from a camera's frame: where it lies, in the frame named "camera"; where the camera is;
+ * size, place, and rotation about the vertical to be found, in class, pose and completion; outside of the grid unknown.
+ * `options.known_side_m` goes with it. `options` may be NULL for the defaults. `object_id` and the rest are then the caller's to set.
+ *
+ * The caller promises:
+ * `grid` is NULL or readable; `options` is NULL or readable for its `size`; `header` is NULL or writable.
+ */
+beo_status beo_observation_header_of_grid(const struct beo_grid *grid,
+                                          const struct beo_camera_options *options,
+                                          struct beo_observation_header *header);
+
+/**
  * Sends one grid to the daemon of `instance` (NULL: "default"), waits for its percept and copies that to `*percept`. The whole, waiting
  * for the daemon included, takes at most `timeout_ms` milliseconds (negative: without end).
  *
@@ -827,6 +1005,10 @@ beo_status beo_perceive_with(struct beo_producer *producer,
 #define BEO_SUBSCRIBER_OPTIONS_INIT { sizeof(beo_subscriber_options), 0, 0, 0 }
 /** Options to start from: `beo_producer_options options = BEO_PRODUCER_OPTIONS_INIT;` */
 #define BEO_PRODUCER_OPTIONS_INIT { sizeof(beo_producer_options), 0 }
+/** Options to start from: `beo_camera_options options = BEO_CAMERA_OPTIONS_INIT;` */
+#define BEO_CAMERA_OPTIONS_INIT { sizeof(beo_camera_options), 0, { 0.001, 0.0019, 2.0 }, { 0, 0, 0 }, 2.0 / 3.0, 0, 40, 0 }
+/** Zeroes `frame` and sets its size: a statement. */
+#define BEO_DEPTH_FRAME_INIT(frame) (memset(&(frame), 0, sizeof(beo_depth_frame)), (frame).size = (uint32_t)sizeof(beo_depth_frame))
 /** Zeroes `view` and sets its size: a statement. */
 #define BEO_COMPLETION_VIEW_INIT(view) (memset(&(view), 0, sizeof(beo_completion_view)), (view).size = (uint32_t)sizeof(beo_completion_view))
 
@@ -1080,3 +1262,41 @@ BEO_STATIC_ASSERT(offsetof(beo_completion_view, voxel_count) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_view, occupancy) == 8 + sizeof(void *), "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_view, deviation) == 8 + 2 * sizeof(void *), "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_view, header) == 8 + 3 * sizeof(void *), "layout");
+BEO_STATIC_ASSERT(sizeof(beo_intrinsics) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_intrinsics, width) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_intrinsics, height) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_intrinsics, fx) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_intrinsics, fy) == 16, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_intrinsics, cx) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_intrinsics, cy) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_intrinsics, distortion) == 40, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_depth_frame) == 88 + 4 * sizeof(void *), "layout");
+BEO_STATIC_ASSERT(offsetof(beo_depth_frame, size) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_depth_frame, reserved) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_depth_frame, intrinsics) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_depth_frame, depth_m) == 88, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_depth_frame, depth_count) == 88 + sizeof(void *), "layout");
+BEO_STATIC_ASSERT(offsetof(beo_depth_frame, labels) == 88 + 2 * sizeof(void *), "layout");
+BEO_STATIC_ASSERT(offsetof(beo_depth_frame, label_count) == 88 + 3 * sizeof(void *), "layout");
+BEO_STATIC_ASSERT(sizeof(beo_sensor_model) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_sensor_model, constant_m) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_sensor_model, quadratic_per_m) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_sensor_model, deviations) == 16, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_camera_options) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, size) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, support_label) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, sensor) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, up) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, share) == 56, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, known_side_m) == 64, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, least_readings) == 72, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, reserved) == 76, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_plane) == 32, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_plane, normal) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_plane, offset_m) == 24, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_grid) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, dims) == 0, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, reserved) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, voxel_size_m) == 16, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, position_m) == 24, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, orientation) == 48, "layout");

@@ -9,6 +9,8 @@
 //         while (auto percept = subscriber.take_percept()) { ... percept->class_index ... }
 //     }
 //
+// A depth camera's driver: depth_frame, fit_support, place_grid, Producer::loan, carve, Loan::commit (examples/cpp/depth_camera.cpp).
+//
 // Objects may be used from any thread, one thread at a time. Rules and units are those of beo.h.
 
 #ifndef BEO_HPP
@@ -45,6 +47,11 @@ using Hypothesis = beo_hypothesis;
 using CompletionHeader = beo_completion_header;
 using DaemonStatus = beo_daemon_status;
 using Status = beo_status;
+using Intrinsics = beo_intrinsics;
+using DepthFrame = beo_depth_frame;
+using CameraOptions = beo_camera_options;
+using Plane = beo_plane;
+using Grid = beo_grid;
 
 // Bytes that lie somewhere else: what C++20 calls std::span.
 template <class T>
@@ -241,6 +248,9 @@ inline Span<const Hypothesis> hypotheses(const Percept &percept) noexcept {
     return {percept.hypotheses, count < BEO_MAX_HYPOTHESES ? count : std::size_t{BEO_MAX_HYPOTHESES}};
 }
 
+// Whether a percept says how big the object is: object_position_m is then its box's centre, object_extent_m the box's sides.
+inline bool has_box(const Percept &percept) noexcept { return percept.status == BEO_PERCEPT_STATUS_OK && percept.object_extent_m[0] > 0; }
+
 // A header for a grid of these dims, with everything else as beo_observation_header_init has it.
 inline Result<ObservationHeader> observation_header(std::array<std::uint32_t, 3> dims) {
     ObservationHeader header;
@@ -413,6 +423,56 @@ inline Result<Percept> perceive(Producer &producer, Subscriber &subscriber, cons
     const Status status = beo_perceive_with(producer.handle(), subscriber.handle(), &header, voxels.data(), voxels.size(),
                                             detail::milliseconds(timeout), &percept);
     return status == BEO_STATUS_OK ? Result<Percept>(percept) : Result<Percept>(status);
+}
+
+// Readings of integers in metres: `scale_m` is 0.001 for millimetres. `depth_m` has as many places as `depth` readings.
+inline Result<void> depth_from_u16(Span<const std::uint16_t> depth, double scale_m, Span<float> depth_m) {
+    // A place too few or too many is a size that does not fit: the library says so of a length that no image has.
+    const std::size_t count = depth.size() == depth_m.size() ? depth.size() : std::numeric_limits<std::size_t>::max();
+    return Result<void>(beo_depth_from_u16(depth.data(), count, scale_m, depth_m.data()));
+}
+
+// A frame of images that the caller keeps as long as it is used: depth in metres (0: no reading) and labels (0: no object), row by row.
+inline DepthFrame depth_frame(const Intrinsics &intrinsics, Span<const float> depth_m, Span<const std::uint16_t> labels) noexcept {
+    DepthFrame frame;
+    BEO_DEPTH_FRAME_INIT(frame);
+    frame.intrinsics = intrinsics;
+    frame.depth_m = depth_m.data();
+    frame.depth_count = depth_m.size();
+    frame.labels = labels.data();
+    frame.label_count = labels.size();
+    return frame;
+}
+
+// The defaults, to be changed.
+inline CameraOptions camera_options() noexcept { return BEO_CAMERA_OPTIONS_INIT; }
+
+// The plane that objects stand on; BEO_STATUS_NOT_SEEN if the frame shows none.
+inline Result<Plane> fit_support(const DepthFrame &frame, const CameraOptions &options = camera_options()) {
+    Plane plane;
+    const Status status = beo_fit_support(&frame, &options, &plane);
+    return status == BEO_STATUS_OK ? Result<Plane>(plane) : Result<Plane>(status);
+}
+
+// A grid about the pixels that are labelled `object`; BEO_STATUS_NOT_SEEN if they are too few. `support` may be null with `options.up`.
+inline Result<Grid> place_grid(const DepthFrame &frame, std::uint16_t object, const Plane *support, std::array<std::uint32_t, 3> dims,
+                               const CameraOptions &options = camera_options()) {
+    Grid grid;
+    const Status status = beo_place_grid(&frame, &options, object, support, dims[0], dims[1], dims[2], &grid);
+    return status == BEO_STATUS_OK ? Result<Grid>(grid) : Result<Grid>(status);
+}
+
+// Writes all voxels of the grid: those of a loan, say. `support` may be null.
+inline Result<void> carve(const DepthFrame &frame, std::uint16_t object, const Plane *support, const Grid &grid, Span<std::uint8_t> voxels,
+                          const CameraOptions &options = camera_options()) {
+    return Result<void>(beo_carve(&frame, &options, object, support, &grid, voxels.data(), voxels.size()));
+}
+
+// The header of a grid that was carved from a camera's frame: see beo_observation_header_of_grid.
+inline Result<ObservationHeader> observation_header(const Grid &grid, const CameraOptions &options = camera_options()) {
+    ObservationHeader header;
+    const Status status = beo_observation_header_of_grid(&grid, &options, &header);
+    return status == BEO_STATUS_OK ? Result<ObservationHeader>(header) : Result<ObservationHeader>(status);
 }
 
 } // namespace beo

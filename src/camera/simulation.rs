@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
 /// Pixels along a side of the simulated image; the object spans most of them.
-const SIDE: u32 = 96;
+const SIDE: u32 = 72;
 /// Label of the object.
 const OBJECT: u16 = 1;
 /// Label of what is before it.

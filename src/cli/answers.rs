@@ -58,6 +58,7 @@ pub fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Stat
         "sequence": percept.sequence,
         "producer_id": percept.producer_id,
         "object_id": percept.object_id,
+        "sensor_stamp_ns": percept.sensor_stamp_ns,
         "latency_us": latency_us(percept, read_ns),
     });
     if percept.status == PerceptStatus::Ok.code() {

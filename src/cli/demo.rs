@@ -1,116 +1,271 @@
-//! `beo demo`: daemon, producer and watcher as separate processes on made-up furniture.
+//! `beo demo`: a synthetic depth camera circles made-up household things; daemon, camera and watcher are processes of their own.
 
-use super::eval::PoseArgument;
 use super::failure::{Failure, cannot_write};
-use crate::evaluation::protocol::draw_rotation;
-use crate::grid::{Dims, Turn};
+use crate::camera::synthetic::{Circle, CircleView, FrameWriter, SyntheticCamera};
+use crate::grid::{from_xyzw, yaw_of};
 use crate::model::load;
-use crate::perception::PoseSearch;
+use crate::picture::draw_depth;
 use crate::process::{Process, this_program};
-use crate::shapes::{furniture, write_binvox};
+use crate::shapes::{Mesh, household};
+use beo_camera::Intrinsics;
 use clap::Args;
-use std::io::{BufRead, BufReader, Write};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde_json::Value;
+use std::f64::consts::{PI, TAU};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
-use std::time::Duration;
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
 
-/// Start daemon, producer and watcher on made-up furniture, and show what is perceived
+/// Circle household things with a synthetic depth camera, and show what is perceived of each view
+///
+/// Daemon, camera (`beo camera`) and watcher are processes of their own. The frames stay in DIR/frames, with noise, steps and missing
+/// readings as structured light has them: replay them with `beo camera DIR/frames --support-label 1`.
 #[derive(Args)]
 pub struct Demo {
-    /// Model file
-    #[arg(long, default_value = "models/modelnet10.safetensors")]
+    /// Model file, with classes of `beo generate household`
+    #[arg(long, default_value = "models/household.safetensors")]
     model: PathBuf,
-    /// Folder for the pictures of query and completion
+    /// Folder for the frames and the pictures: depth, query, completion of every view
     #[arg(long, default_value = "demo", value_name = "DIR")]
     png: PathBuf,
-    /// Turn the furniture, about the vertical axis or in any way, and have its pose found
-    #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
-    pose: PoseArgument,
-    /// Seed of the furniture
+    /// What to look at, one after the other
+    #[arg(long, value_delimiter = ',', value_parser = household::CLASSES, default_value = "mug,box,bowl,bottle", value_name = "CLASSES")]
+    objects: Vec<String>,
+    /// Views of each, evenly spread around it
+    #[arg(long, default_value_t = 8, value_name = "N")]
+    views: usize,
+    /// How far above the horizontal the camera is
+    #[arg(long, default_value_t = 35.0, value_name = "DEGREES")]
+    elevation: f64,
+    /// Add up the views of each object before they are perceived
+    #[arg(long)]
+    fuse: bool,
+    /// Seed of the objects, their poses and the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
-/// A process is given this long to end.
+/// A process is given this long to end, and an answer this long to come.
 const PATIENCE: Duration = Duration::from_secs(60);
-
+/// What the watcher has not said so long after the camera's end does not come.
+const SILENCE: Duration = Duration::from_secs(3);
 /// The process that must be there before the camera sends.
 const WATCHER: &str = "beo watch";
+/// Label of the table in the frames; objects have the ones after it.
+const TABLE: u16 = 1;
+/// Time between views, nanoseconds: the stamps say which view an answer belongs to.
+const PERIOD_NS: u64 = 100_000_000;
+/// Most views of an object.
+const MOST_VIEWS: usize = 1000;
 
 impl Demo {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
+        if !(1..=MOST_VIEWS).contains(&self.views) {
+            return Err(Failure::Usage(format!("--views {}: use 1 to {MOST_VIEWS}", self.views)));
+        }
+        if !(5.0..=85.0).contains(&self.elevation) {
+            return Err(Failure::Usage(format!("--elevation {}: use 5 to 85 degrees", self.elevation)));
+        }
         let model = load(&self.model)?;
-        let dims = model.dims();
+        if let Some(class) = self.objects.iter().find(|object| !model.class_names().any(|class| class == object.as_str())) {
+            let path = self.model.display();
+            return Err(Failure::Failed(format!("{path} has no class `{class}`: train it on what `beo generate household` writes")));
+        }
         drop(model);
         std::fs::create_dir_all(&self.png).map_err(cannot_write(&self.png))?;
         let instance = format!("demo-{}", std::process::id());
-        let pose = self.pose.search(360.0)?;
-        let files = make_furniture(&self.png, dims, self.seed, pose)?;
-        let count = files.len().to_string();
-
         say!("1. the daemon: beo serve --model {} --instance {instance}", self.model.display());
         let mut daemon = start("beo serve", &["serve", "--instance", &instance, "--model"], &[&self.model])?;
+        let frames = self.png.join("frames");
+        say!("2. {} views of each of {}, written to {}", self.views, self.objects.join(", "), frames.display());
+        let (views, trajectory) = self.render(&frames)?;
+
         let mut ready = String::new();
         BufReader::new(daemon.output()?).read_line(&mut ready)?;
         if ready.is_empty() {
             return Err(Failure::Failed("the daemon did not start; its own message stands above".into()));
         }
-        say!("2. a robot's process: beo watch --instance {instance} --json --png {}", self.png.display());
+        say!("3. a robot's process: beo watch --instance {instance} --json --png {}", self.png.display());
+        let count = views.len().to_string();
         let mut watcher = start(WATCHER, &["watch", "--instance", &instance, "--count", &count, "--json", "--png"], &[&self.png])?;
         wait_until_watching(&mut watcher)?;
-        say!("3. the camera: beo observe {} pieces of made-up furniture, seen from above\n", files.len());
-        let arguments = ["observe", "--instance", &instance, "--rate", "10", "--pose", pose.name()];
-        let mut camera = start("beo observe", &arguments, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-
-        let mut right = 0;
-        let mut seen = 0;
-        let lines = watcher.lines()?;
-        while let Ok(line) = lines.recv_timeout(PATIENCE) {
-            let line: serde_json::Value = serde_json::from_str(&line)?;
-            seen += 1;
-            let made = furniture::CLASSES[(line["sequence"].as_u64().unwrap_or(1) as usize - 1) % files.len()];
-            let class = line["class"].as_str().unwrap_or("refused");
-            right += usize::from(class == made);
-            let spread = line["rotation_spread_rad"].as_f64().unwrap_or(0.0).to_degrees();
-            let known = pose == PoseSearch::Known;
-            say!(
-                "   made-up {made:<12} → {class:<12} {:>5.1} %   {}{:>5} voxels after completion   {:>6.2} ms",
-                100.0 * line["posterior"][class].as_f64().unwrap_or(0.0),
-                if known { String::new() } else { format!("pose ± {spread:>3.0}°   ") },
-                line["completion"]["filled"],
-                line["latency_us"].as_f64().unwrap_or(0.0) / 1e3
-            );
-        }
+        let fuse: &[&str] = if self.fuse { &["--fuse"] } else { &[] };
+        say!("4. the camera: beo camera {} --instance {instance} {}\n", frames.display(), fuse.join(" "));
+        let table = TABLE.to_string();
+        let arguments =
+            [&["camera", "--instance", &instance, "--support-label", &table, "--pose", "yaw"], fuse, &["--trajectory"]].concat();
+        let mut camera = start("beo camera", &arguments, &[&trajectory, &frames])?;
+        let told = camera.lines()?;
+        let tally = show(&views, &watcher.lines()?, &mut camera)?;
         camera.finish(PATIENCE)?;
+        // What the camera could not make a grid of.
+        told.try_iter().filter(|line| line.contains("no grid")).try_for_each(|line| Ok::<(), Failure>(say!("   {line}")))?;
+        if tally.answers < views.len() {
+            watcher.interrupt();
+        }
         watcher.finish(PATIENCE)?;
         daemon.interrupt();
         daemon.finish(PATIENCE)?;
-        if seen < files.len() {
-            return Err(Failure::Failed(format!("only {seen} of {} observations were answered", files.len())));
+        if tally.answers == 0 {
+            return Err(Failure::Failed(format!("none of {} views was answered", views.len())));
         }
-        say!("\n{right} of {seen} named as they were made; pictures of query and completion are in {}/", self.png.display());
+        say!("\n{}; pictures of every view are in {}/", tally.summary(views.len()), self.png.display());
         Ok(())
+    }
+
+    /// Renders all views and writes them as frames and as pictures.
+    fn render(&self, folder: &Path) -> Result<(Vec<View>, PathBuf), Failure> {
+        remove_frames(folder)?;
+        let intrinsics = Intrinsics::new(640, 480, [525.0; 2], [319.5, 239.5], [0.04, -0.08, 0.0005, -0.0005, 0.0])?;
+        let camera = SyntheticCamera::new(intrinsics);
+        let circle = Circle { views: self.views, elevation_rad: self.elevation.to_radians(), table_label: TABLE, ..Circle::default() };
+        let mut writer = FrameWriter::new(folder, &intrinsics)?;
+        let mut views = Vec::new();
+        for (n, class) in self.objects.iter().enumerate() {
+            let seed = self.seed.wrapping_add(n as u64);
+            let mesh = household::mesh(class, seed).expect("its own class");
+            // Turned by the golden ratio's share of a full turn, so that no view shows an object straight on.
+            let yaw = TAU * (0.618_034 * (seed as f64 + 1.0)).fract();
+            let label = TABLE + 1 + n as u16;
+            let circled = circle.views_of(&camera, &mesh, yaw, label, seed);
+            circled.par_iter().enumerate().try_for_each(|(view, circled)| {
+                let picture = draw_depth(&circled.image.frame(), &[(label, class.clone())], Some(TABLE));
+                picture.save(&self.png.join(format!("{:04}-depth.png", n * self.views + view + 1)))
+            })?;
+            for circled in circled {
+                let stamp_ns = (views.len() as u64 + 1) * PERIOD_NS;
+                writer.write(&format!("{:04}-{class}", views.len() + 1), stamp_ns, &circled.camera_to_world, &circled.image)?;
+                views.push(View::new(class, &mesh, yaw, &circled));
+            }
+        }
+        Ok((views, writer.finish()?))
     }
 }
 
-/// One piece of each class, as files that the producer reads; turned, where the pose is to be found.
-fn make_furniture(folder: &Path, dims: Dims, seed: u64, pose: PoseSearch) -> Result<Vec<PathBuf>, Failure> {
-    let folder = folder.join("furniture");
-    std::fs::create_dir_all(&folder).map_err(cannot_write(&folder))?;
-    furniture::CLASSES
-        .iter()
-        .enumerate()
-        .map(|(place, class)| {
-            let path = folder.join(format!("{class}.binvox"));
-            let upright = furniture::make(class, dims, seed).expect("its own class");
-            let shape = Turn::new(dims, &draw_rotation(pose, seed, place)).occupancy(&upright);
-            let mut bytes = Vec::new();
-            write_binvox(&mut bytes, &shape)?;
-            std::fs::File::create(&path).and_then(|mut file| file.write_all(&bytes)).map_err(cannot_write(&path))?;
-            Ok(path)
-        })
-        .collect()
+/// Frames of an earlier run would be replayed as well; nothing else in the folder is touched.
+fn remove_frames(folder: &Path) -> Result<(), Failure> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
+    for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
+        let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+        if name.ends_with("_depth.png") || name.ends_with("_label.png") {
+            let failed = |error| Failure::Failed(format!("cannot remove {}, a frame of an earlier run: {error}", path.display()));
+            std::fs::remove_file(&path).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
+/// What is known of a view because it was made up.
+struct View {
+    class: String,
+    /// Turn of the object in the world, radians.
+    yaw: f64,
+    /// Radians of a full turn after which the object looks the same; 0 for round ones.
+    period: f64,
+    azimuth: f64,
+    size_mm: Vector3<f64>,
+}
+
+impl View {
+    fn new(class: &str, mesh: &Mesh, yaw: f64, circled: &CircleView) -> Self {
+        let [low, high] = mesh.bounds();
+        let size_mm = 1e3 * (high - low);
+        let is_round = (size_mm.x - size_mm.y).abs() < 1.0;
+        let period = match class {
+            "mug" | "cutlery_box" => TAU,
+            _ if is_round => 0.0,
+            _ => PI,
+        };
+        Self { class: class.to_owned(), yaw, period, azimuth: circled.azimuth_rad, size_mm }
+    }
+
+    /// One line about an answer, and whether class and turn are right.
+    fn line(&self, answer: &Value) -> (String, [bool; 2]) {
+        let class = answer["class"].as_str().unwrap_or("refused");
+        let p = answer["posterior"][class].as_f64().unwrap_or(0.0);
+        let (turn, is_right) = self.turn(answer);
+        let size = answer["object"]["extent_m"].as_array().map_or(String::new(), |extent| {
+            let mm: Vec<String> = extent.iter().map(|side| format!("{:.0}", 1e3 * side.as_f64().unwrap_or(0.0))).collect();
+            let made = self.size_mm;
+            format!("{:>13} mm ({:.0}×{:.0}×{:.0})", mm.join("×"), made.x, made.y, made.z)
+        });
+        let line = format!(
+            "   {:<12}from {:>3.0}° → {class:<12}{:>5.1} %   {turn:<24}{size}   {:>6.1} ms",
+            self.class,
+            self.azimuth.to_degrees(),
+            100.0 * p,
+            answer["latency_us"].as_f64().unwrap_or(0.0) / 1e3
+        );
+        (line, [class == self.class, is_right])
+    }
+
+    /// The turn in the world, found and made: the grid's x axis points away from the camera.
+    fn turn(&self, answer: &Value) -> (String, bool) {
+        let hypotheses = answer["hypotheses"].as_array();
+        let of_class = hypotheses.and_then(|all| all.iter().find(|h| h["class"] == answer["class"]));
+        let rotation: Option<[f64; 4]> = of_class.and_then(|h| serde_json::from_value(h["rotation"].clone()).ok());
+        let Some(rotation) = rotation.filter(|_| self.period > 0.0) else { return ("round".into(), self.period == 0.0) };
+        let found = (yaw_of(&from_xyzw(rotation)) + self.azimuth + PI).rem_euclid(self.period);
+        let made = self.yaw.rem_euclid(self.period);
+        let error = (found - made + self.period / 2.0).rem_euclid(self.period) - self.period / 2.0;
+        // Where half a turn makes no difference, the spread is that of both halves and says nothing.
+        let spread = answer["rotation_spread_rad"].as_f64().filter(|_| self.period == TAU);
+        let spread = spread.map_or(String::new(), |spread| format!(" ± {:.0}°", spread.to_degrees()));
+        (format!("turned {:>3.0}° ({:.0}°){spread}", found.to_degrees(), made.to_degrees()), error.abs() <= RIGHT_TURN)
+    }
+}
+
+/// A turn this near is right, radians.
+const RIGHT_TURN: f64 = 15.0 / 180.0 * PI;
+
+/// What came of all views.
+#[derive(Default)]
+struct Tally {
+    answers: usize,
+    right_class: usize,
+    /// Of objects that are not round: those named right, and those turned right as well.
+    turned: [usize; 2],
+}
+
+impl Tally {
+    fn summary(&self, views: usize) -> String {
+        let [named, turned] = self.turned;
+        format!(
+            "{} of {views} views named as they were made, {turned} of {named} of these turned within 15° (round ones apart)",
+            self.right_class
+        )
+    }
+}
+
+/// Prints the watcher's answers as they come, until all have come or the camera has ended and no more come.
+fn show(views: &[View], lines: &Receiver<String>, camera: &mut Process) -> Result<Tally, Failure> {
+    let mut tally = Tally::default();
+    let mut last = Instant::now();
+    while tally.answers < views.len() {
+        let Ok(line) = lines.recv_timeout(Duration::from_millis(100)) else {
+            let patience = if camera.is_running() { PATIENCE } else { SILENCE };
+            if last.elapsed() > patience {
+                break;
+            }
+            continue;
+        };
+        last = Instant::now();
+        let answer: Value = serde_json::from_str(&line)?;
+        let number = answer["sensor_stamp_ns"].as_u64().unwrap_or(0) / PERIOD_NS;
+        let Some(view) = number.checked_sub(1).and_then(|n| views.get(n as usize)) else { continue };
+        let (line, [right_class, right_turn]) = view.line(&answer);
+        say!("{line}");
+        tally.answers += 1;
+        tally.right_class += usize::from(right_class);
+        if view.period > 0.0 && right_class {
+            tally.turned = [tally.turned[0] + 1, tally.turned[1] + usize::from(right_turn)];
+        }
+    }
+    Ok(tally)
 }
 
 /// Starts this program once more; the watcher's messages are listened to, those of others go where ours go.

@@ -5,6 +5,7 @@ mod output;
 
 mod answers;
 mod bench;
+mod camera;
 mod demo;
 mod eval;
 mod failure;
@@ -58,6 +59,7 @@ enum Command {
     Status(status::StatusCommand),
     Reload(reload::Reload),
     Observe(observe::Observe),
+    Camera(camera::Camera),
     Watch(watch::Watch),
     Record(record::Record),
     Demo(demo::Demo),
@@ -94,6 +96,7 @@ pub fn run() -> ExitCode {
         Command::Status(command) => command.run(),
         Command::Reload(command) => command.run(),
         Command::Observe(command) => command.run(),
+        Command::Camera(command) => command.run(),
         Command::Watch(command) => command.run(),
         Command::Record(command) => command.run(),
         Command::Demo(command) => command.run(),

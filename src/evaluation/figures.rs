@@ -1,7 +1,8 @@
 //! Pictures of an evaluation: counterparts of the paper's Figs. 3 to 6, accuracy by class (Table I) and reliability.
 
+use super::curves::{by_elevation, by_views};
 use super::table::{MODELNET10, icp_name, paper_rows};
-use super::{Evaluation, IcpEvaluation};
+use super::{Evaluation, IcpEvaluation, table};
 use crate::grid::{Observation, Occupancy};
 use crate::perception::Percept;
 use crate::picture::{
@@ -70,8 +71,7 @@ pub fn query_time(evaluations: &[Evaluation]) -> Image {
 
 /// Rotation error by method, one point per query, the mean as a bar, raw and symmetry-aware: the counterpart of Figs. 5 and 6.
 pub fn pose_error(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> Image {
-    let of_methods =
-        evaluations.iter().map(|e| (e.method.to_string(), e.per_query.iter().filter_map(|q| q.pose_error).collect::<Vec<_>>()));
+    let of_methods = evaluations.iter().map(|e| (table::name(e), e.per_query.iter().filter_map(|q| q.pose_error).collect::<Vec<_>>()));
     let all = of_methods.chain(icp.iter().map(|e| (icp_name(e), e.per_query.clone())));
     let mut strips = Vec::new();
     for (name, errors) in all {
@@ -90,7 +90,7 @@ pub fn pose_error(evaluations: &[Evaluation], icp: &[IcpEvaluation]) -> Image {
 
 fn strip(evaluation: &Evaluation, values: &[f64], unit: &str) -> (String, Vec<f64>) {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-    (format!("{}: {mean:.2}{unit}", evaluation.method), values.to_vec())
+    (format!("{}: {mean:.2}{unit}", table::name(evaluation)), values.to_vec())
 }
 
 fn chart(evaluations: &[Evaluation], what: &str, x: &str, y: &str) -> Chart {
@@ -107,7 +107,7 @@ pub fn accuracy(evaluations: &[Evaluation]) -> Image {
         let of_class = |class: &String| e.per_class.get(class).map_or(f64::NAN, |c| c.accuracy);
         categories.iter().map(of_class).chain([e.accuracy]).collect()
     };
-    let mut series: Vec<(String, Vec<f64>)> = evaluations.iter().map(|e| (e.method.to_string(), values(e))).collect();
+    let mut series: Vec<(String, Vec<f64>)> = evaluations.iter().map(|e| (table::name(e), values(e))).collect();
     if categories.iter().map(String::as_str).eq(MODELNET10) {
         series.extend(
             paper_rows(first.pose).iter().take(1).map(|(name, percent)| ((*name).to_owned(), percent.iter().map(|p| p / 100.0).collect())),
@@ -169,6 +169,9 @@ pub fn save(folder: &Path, evaluations: &[Evaluation], icp: &[IcpEvaluation], ex
     reliability(evaluations).save(&folder.join("reliability.png"))?;
     if evaluations.iter().any(|e| e.pose_error_deg.is_some()) {
         pose_error(evaluations, icp).save(&folder.join("pose_error.png"))?;
+    }
+    for (image, file) in [(by_elevation(evaluations), "elevation.png"), (by_views(evaluations), "views.png")] {
+        image.map_or(Ok(()), |image| image.save(&folder.join(file)))?;
     }
     completions(examples, method).save(&folder.join("completions.png"))
 }

@@ -1,6 +1,7 @@
 //! The paper's evaluation: protocol, figures of merit, baselines, tables and plots.
 
 pub mod baseline;
+mod curves;
 pub mod figures;
 pub mod icp;
 pub mod metrics;

@@ -1,8 +1,8 @@
 //! Densities of what cameras see of upright objects, by elevation and yaw.
 //!
 //! Per class and learned elevation, many shapes are seen by a simulated camera near that elevation, turned by all steps of yaw, each a
-//! little off; from varied distances, with noise, with and without a table, a strip without readings, something in front. The hull
-//! features of what is carved, in the view's frame, get a Gaussian, and how exactly the object lies a regression on them. How sure the
+//! little off; from varied distances, with noise, with and without a table, a strip without readings, something in front. The
+//! features of the shadow of what is carved, in the view's frame, get a Gaussian, and how exactly the object lies a regression on them. How sure the
 //! densities may be of class and yaw is fitted on shapes that are left out at first.
 
 use super::calibration::fit_blend;
@@ -12,7 +12,7 @@ use crate::camera::simulation::{Conditions, Eye, View};
 use crate::grid::{Dims, Observation, Occupancy, Placed, Rotation, yaw};
 use crate::linear::LinearError;
 use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
-use crate::perception::camera::{CELLS, CameraScores, Told, ViewFrame, ViewWork};
+use crate::perception::camera::{CELLS, CameraScores, Shadow, ShadowImage, Told, ViewFrame, ViewWork};
 use faer::Mat;
 use half::f16;
 use nalgebra::Vector3;
@@ -26,8 +26,8 @@ use std::f64::consts::{PI, TAU};
 const FEATURES: usize = 64;
 /// Views from which the features are learned.
 const FEATURE_VIEWS: (usize, usize) = (300, 2000);
-/// Views per class, elevation and step of yaw: about one per shape, within the bounds.
-const VIEW_BOUNDS: (usize, usize) = (60, 120);
+/// Views per class, elevation and step of yaw: about one per shape, within the bounds; half as many for the calibration.
+const VIEW_BOUNDS: (usize, usize) = (50, 90);
 /// The yaw of a view is uniform within so many steps about its own, and its elevation within so much of the distance to the next.
 const WINDOW: f64 = 0.75;
 /// Least variance of a feature, as a share of the mean variance: see `view_density`.
@@ -61,9 +61,9 @@ pub fn camera_densities(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u
         kept.push(order[out..].iter().map(|i| shapes[*i]).collect::<Vec<_>>());
     }
     let components = feature_basis(classes, elevations, seed)?;
-    let densities = fit(&kept, elevations, &components, seed)?;
+    let densities = fit(&kept, elevations, &components, seed, 2)?;
     let calibration = calibrate(&densities, &held, seed)?;
-    Ok(Learned { densities: fit(classes, elevations, &components, seed)?, calibration })
+    Ok(Learned { densities: fit(classes, elevations, &components, seed, 1)?, calibration })
 }
 
 /// B and the mean variance along its columns.
@@ -148,7 +148,7 @@ fn feature_basis(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u64) -> 
             let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
             let mut hull = vec![0.0; CELLS];
             if let Some(sample) = see(shapes[view * shapes.len() / count], rng.random_range(0.0..TAU), elevation, &mut rng) {
-                sample.frame.hull(&sample.observation, &mut hull);
+                sample.frame.shadow(&sample.observation, &mut ShadowImage::default(), &mut hull);
             }
             hull
         })
@@ -158,7 +158,14 @@ fn feature_basis(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u64) -> 
     Ok(Features { basis: components.rows(), size, variance: components.variance })
 }
 
-fn fit(classes: &[Vec<&Occupancy>], elevations: &[f64], features: &Features, seed: u64) -> Result<CameraDensities, LinearError> {
+/// Densities from one in `share` of the views.
+fn fit(
+    classes: &[Vec<&Occupancy>],
+    elevations: &[f64],
+    features: &Features,
+    seed: u64,
+    share: usize,
+) -> Result<CameraDensities, LinearError> {
     let size = features.size;
     let mut densities = CameraDensities {
         elevations: elevations.to_vec(),
@@ -176,9 +183,9 @@ fn fit(classes: &[Vec<&Occupancy>], elevations: &[f64], features: &Features, see
         let moments: Vec<Vec<Moments>> = (0..YAWS)
             .into_par_iter()
             .map(|step| {
-                let (mut hull, mut z) = (Vec::new(), Vec::new());
+                let (mut shadow, mut z) = (Shadow::default(), Vec::new());
                 let of_class = |(s, shapes): (usize, &Vec<&Occupancy>)| {
-                    let count = shapes.len().clamp(VIEW_BOUNDS.0, VIEW_BOUNDS.1);
+                    let count = shapes.len().clamp(VIEW_BOUNDS.0, VIEW_BOUNDS.1) / share;
                     let mut rng = stream(seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
                     let (mut rows, mut offsets) = (Vec::new(), Vec::new());
                     let first = rng.random_range(0..shapes.len());
@@ -189,7 +196,7 @@ fn fit(classes: &[Vec<&Occupancy>], elevations: &[f64], features: &Features, see
                         let turned = CameraDensities::yaw(step) + around(WINDOW * TAU / YAWS as f64, &mut rng);
                         let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
                         if let Some(sample) = see(object, turned, elevation, &mut rng) {
-                            scores.features(&sample.frame, &sample.observation, &mut hull, &mut z);
+                            scores.features(&sample.frame, &sample.observation, &mut shadow, &mut z);
                             rows.extend_from_slice(&z);
                             offsets.push(sample.offsets(object, step));
                         }

@@ -282,7 +282,91 @@ fn start(cell: &Cell, told: &Told) -> Placement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::yaw_of;
+    use crate::camera::simulation::{self, Eye};
+    use crate::grid::{Outside, yaw_of};
+    use crate::perception::pose::small::{seeing_perceiver, unseen};
+    use std::f64::consts::FRAC_PI_2;
+
+    fn eye(azimuth: f64) -> Eye {
+        Eye { azimuth, elevation: 35_f64.to_radians(), distance: 50.0 }
+    }
+
+    fn ask(observation: &Observation, query: &Query) -> Percept {
+        let perceiver = seeing_perceiver();
+        let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+        perceiver.classify(observation, query, &mut work, &mut percept).unwrap();
+        perceiver.complete(query, &mut work, &mut percept).unwrap();
+        percept
+    }
+
+    fn query(azimuth: f64, pose: PoseSearch, scale: ScaleSearch) -> Query {
+        let camera = Some(eye(azimuth).position());
+        Query { camera, pose, scale, outside: Outside::Unknown, completion: true, ..Query::default() }
+    }
+
+    const SEARCH: ScaleSearch = ScaleSearch::Search { side: None };
+
+    /// A quarter turn is a permutation of the voxels: an object that is turned with its camera is the same but for the turn.
+    #[test]
+    fn what_turns_with_its_camera_is_answered_as_before_but_turned() {
+        let object = unseen("chair", 2);
+        let seen = simulation::observe(&object, &eye(0.4));
+        let turned = Turn::new(object.dims(), &yaw(FRAC_PI_2)).observation(&seen, Outside::Unknown);
+        for scale in [ScaleSearch::Known, SEARCH] {
+            let before = ask(&seen, &query(0.4, PoseSearch::YAW, scale));
+            let after = ask(&turned, &query(0.4 + FRAC_PI_2, PoseSearch::YAW, scale));
+            assert_eq!(before.class, after.class);
+            let apart = (yaw(FRAC_PI_2) * before.rotation).angle_to(&after.rotation);
+            assert!(apart < 2_f64.to_radians(), "{}", apart.to_degrees());
+            assert!((yaw(FRAC_PI_2) * before.placed.shift - after.placed.shift).norm() < 0.5);
+            for (a, b) in before.posterior.iter().zip(&after.posterior) {
+                assert!((a - b).abs() < 1e-3, "{a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn class_yaw_size_and_place_are_found_and_what_is_known_is_kept() {
+        let (mut right, mut near, mut sized) = (0, 0, 0);
+        for (class, name) in seeing_perceiver().model().class_names().enumerate() {
+            for seed in 0..4 {
+                let azimuth = 1.3 * seed as f64;
+                let seen = simulation::observe(&unseen(name, seed), &eye(azimuth));
+                let found = ask(&seen, &query(azimuth, PoseSearch::YAW, SEARCH));
+                right += usize::from(found.class == class);
+                near += usize::from(found.rotation.angle().to_degrees() < 15.0);
+                sized += usize::from(found.placed.scale.ln().abs() < 0.1 && found.placed.shift.norm() < 1.5);
+                assert!(found.occupancy.iter().chain(&found.deviation).all(|v| (0.0..=1.0).contains(v)));
+                let lay = found.lay.expect("a box");
+                assert!(lay.extent.iter().chain(&lay.extent_deviation).chain(&lay.position_deviation).all(|v| v.is_finite() && *v >= 0.0));
+
+                let known = ask(&seen, &query(azimuth, PoseSearch::Known, ScaleSearch::Known));
+                assert_eq!(known.placed, Placed::default());
+                let told = ask(&seen, &query(azimuth, PoseSearch::YAW, ScaleSearch::Search { side: Some(13.0) }));
+                let longest = seeing_perceiver().model().metadata.settings.longest_side as f64;
+                assert!((told.placed.scale - 13.0 / longest).abs() < 1e-9);
+            }
+        }
+        assert!(right >= 10 && near >= 7 && sized >= 7, "of 12: {right} named, {near} turned, {sized} placed rightly");
+    }
+
+    #[test]
+    fn where_nothing_is_seen_all_is_as_likely_as_before() {
+        let nothing = Observation::unknown(seeing_perceiver().model().dims());
+        let found = ask(&nothing, &query(0.0, PoseSearch::YAW, SEARCH));
+        assert!(!found.informed && found.posterior.iter().all(|p| (p - 1.0 / 3.0).abs() < 1e-9));
+        assert!(found.hypotheses.iter().all(|h| h.probability < 0.09));
+        assert_eq!((found.lay, found.placed.scale), (None, 1.0));
+    }
+
+    /// Without densities of cameras, or without knowing where the camera was, the evidence alone finds size and place.
+    #[test]
+    fn the_evidence_alone_finds_size_and_place() {
+        let seen = simulation::observe(&unseen("sofa", 1), &eye(0.3));
+        let without = Query { method: Method::Evidence, ..query(0.3, PoseSearch::YAW, SEARCH) };
+        let found = ask(&seen, &without);
+        assert!(found.placed.scale.ln().abs() < 0.25 && found.placed.shift.norm() < 3.0, "{:?}", found.placed);
+    }
 
     #[test]
     fn what_is_told_is_not_searched() {

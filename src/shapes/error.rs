@@ -67,8 +67,8 @@ pub enum ReadError {
         /// The path.
         path: PathBuf,
     },
-    /// The file is larger than any shape should be.
-    #[error("{} has {bytes} bytes, more than the {limit} that are read: simplify the mesh", path.display())]
+    /// The file is larger than any shape or image should be.
+    #[error("{} has {bytes} bytes, more than the {limit} that are read: is it the right file? A mesh can be simplified", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,

@@ -42,7 +42,7 @@ pub fn write_npy_observation(out: &mut impl Write, observation: &Observation) ->
 
 /// Size and one byte per voxel, in C order.
 fn array(bytes: &[u8]) -> Result<(Dims, Vec<u8>), FormatError> {
-    check_header(bytes)?;
+    check_npy_header(bytes, 3, "three axes x, y, z of 8 to 256 voxels").map_err(error)?;
     let mut data = bytes;
     let header = NpyHeader::from_reader(&mut data).map_err(|e| error(e.to_string()))?;
     let &[x, y, z] = header.shape() else {
@@ -73,18 +73,19 @@ fn array(bytes: &[u8]) -> Result<(Dims, Vec<u8>), FormatError> {
     })
 }
 
-/// Refuses headers that are larger, deeper or name longer numbers than that of a three-dimensional array can.
-fn check_header(bytes: &[u8]) -> Result<(), FormatError> {
+/// Refuses headers that are larger, deeper or name longer numbers than that of an array of `axes` axes, which `expected` describes, can:
+/// what is wrong, in words.
+pub(crate) fn check_npy_header(bytes: &[u8], axes: usize, expected: &str) -> Result<(), String> {
     const LONGEST: usize = 4096;
     let (start, length) = match bytes {
         [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, a, b, ..] => (10, u16::from_le_bytes([*a, *b]) as usize),
         [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _, a, b, c, d, ..] => (12, u32::from_le_bytes([*a, *b, *c, *d]) as usize),
-        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => return Err(error("unknown version or a truncated header")),
-        _ => return Err(error("does not start as an .npy file does")),
+        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => return Err("unknown version or a truncated header".into()),
+        _ => return Err("does not start as an .npy file does".into()),
     };
     let header = (length <= LONGEST).then(|| bytes.get(start..start + length)).flatten();
-    let header = header.ok_or_else(|| error(format!("a header of {length} bytes: truncated, or not that of a plain array")))?;
-    let text = std::str::from_utf8(header).map_err(|_| error("the header is not text"))?;
+    let header = header.ok_or_else(|| format!("a header of {length} bytes: truncated, or not that of a plain array"))?;
+    let text = std::str::from_utf8(header).map_err(|_| "the header is not text")?;
     let shape = text.split_once('(').and_then(|(before, rest)| rest.split_once(')').map(|(shape, after)| (before, shape, after)));
     let is_flat = |s: &str| !s.contains(['(', ')', '[', ']']) && s.matches('{').count() <= 1;
     match shape {
@@ -92,13 +93,13 @@ fn check_header(bytes: &[u8]) -> Result<(), FormatError> {
             let sides: Vec<&str> = shape.split(',').map(|n| n.trim().trim_end_matches('L')).collect();
             let sides = sides.strip_suffix(&[""]).unwrap_or(&sides);
             let is_side = |n: &&str| (1..=6).contains(&n.len()) && n.bytes().all(|b| b.is_ascii_digit());
-            if sides.len() == 3 && sides.iter().all(is_side) {
+            if sides.len() == axes && sides.iter().all(is_side) {
                 return Ok(());
             }
             let shape: String = shape.chars().take(60).collect();
-            Err(error(format!("the array has shape ({shape}): expected three axes x, y, z of 8 to 256 voxels")))
+            Err(format!("the array has shape ({shape}): expected {expected}"))
         }
-        _ => Err(error("the header is not that of a plain array")),
+        _ => Err("the header is not that of a plain array".into()),
     }
 }
 

@@ -103,7 +103,8 @@ pub fn read_observation(path: &Path) -> Result<Observation, ReadError> {
     parse_npy_observation(&read_bytes(path)?).map_err(|source| ReadError::Malformed { path: path.into(), source })
 }
 
-fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
+/// The content of a file that is not too large.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
     let open = |source| ReadError::Open { path: path.into(), source };
     // Asked before opening: opening a pipe waits for its writer.
     let metadata = std::fs::metadata(path).map_err(open)?;

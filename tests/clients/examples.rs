@@ -20,7 +20,7 @@ pub struct Examples {
 }
 
 impl Examples {
-    fn compiled(language: &'static str, programs: [(&'static str, PathBuf); 3]) -> Self {
+    fn compiled(language: &'static str, programs: [(&'static str, PathBuf); 4]) -> Self {
         let start = move |name: &str, arguments: &[&str]| {
             let (_, program) = programs.iter().find(|(example, _)| *example == name).expect("an example of that name");
             start(program, arguments)
@@ -39,12 +39,12 @@ impl Examples {
             );
             (name, program)
         };
-        Self::compiled("Rust", ["camera", "listen", "grasp"].map(program))
+        Self::compiled("Rust", ["camera", "depth_camera", "listen", "grasp"].map(program))
     }
 
     pub fn c() -> Self {
         let program = |name| (name, compile(Language::C, &Language::C.example(name), &format!("c-{name}"), sanitizers()));
-        Self::compiled("C", ["camera", "listen", "grasp"].map(program))
+        Self::compiled("C", ["camera", "depth_camera", "listen", "grasp"].map(program))
     }
 
     pub fn cpp() -> Option<Self> {
@@ -52,7 +52,7 @@ impl Examples {
             return None;
         }
         let program = |name| (name, compile(Language::Cpp, &Language::Cpp.example(name), &format!("cpp-{name}"), sanitizers()));
-        Some(Self::compiled("C++", ["camera", "listen", "grasp"].map(program)))
+        Some(Self::compiled("C++", ["camera", "depth_camera", "listen", "grasp"].map(program)))
     }
 
     pub fn all() -> Vec<Self> {

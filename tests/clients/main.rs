@@ -4,6 +4,7 @@
 //! Python with the iceoryx2 wheel) is left out with a line that says so.
 
 mod builds;
+mod depth_camera;
 mod examples;
 #[path = "../program/harness.rs"]
 #[allow(dead_code, reason = "shared with the tests of the program, which need more of it")]

@@ -7,6 +7,7 @@
 
 #define _XOPEN_SOURCE 700
 #include <beo.h>
+#include <math.h>
 #include <poll.h>
 #include <pthread.h>
 #include <signal.h>
@@ -75,6 +76,154 @@ static void nulls(void) {
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_perceive_with(NULL, NULL, NULL, NULL, 0, 0, &percept));
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_perceive_with(NULL, NULL, NULL, &voxel, 1, 0, NULL));
     MUST(strstr(beo_last_error(), "`percept` is NULL") != NULL);
+}
+
+enum { COLUMNS = 64, ROWS = 48, PIXELS = COLUMNS * ROWS };
+
+/* A block before a wall, which is the support: its normal is towards the camera, which `up` must say. */
+static void from_depth_to_a_grid(void) {
+    static uint16_t readings[PIXELS], labels[PIXELS];
+    static float depth[PIXELS];
+    for (int i = 0; i < PIXELS; i++) {
+        const int column = i % COLUMNS, row = i / COLUMNS;
+        labels[i] = column >= 24 && column < 40 && row >= 16 && row < 32 ? 2 : 0;
+        readings[i] = labels[i] ? 900 : 1000;
+    }
+    readings[0] = 0;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_depth_from_u16(NULL, PIXELS, 0.001, depth));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_depth_from_u16(readings, PIXELS, 0.001, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_depth_from_u16(readings, PIXELS, 0.0, depth));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_depth_from_u16(readings, PIXELS, -1.0, depth));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_depth_from_u16(readings, PIXELS, (double)NAN, depth));
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_depth_from_u16(readings, SIZE_MAX, 0.001, depth));
+    GIVES(BEO_STATUS_OK, beo_depth_from_u16(readings, PIXELS, 0.001, depth));
+    MUST(depth[0] == 0.0f && depth[1] == 1.0f && depth[20 * COLUMNS + 30] == 0.9f);
+
+    beo_depth_frame frame;
+    BEO_DEPTH_FRAME_INIT(frame);
+    const beo_intrinsics camera = {COLUMNS, ROWS, 60, 60, 31.5, 23.5, {0, 0, 0, 0, 0}};
+    beo_camera_options options = BEO_CAMERA_OPTIONS_INIT;
+    beo_plane plane;
+    beo_grid grid;
+    beo_observation_header header;
+    static uint8_t voxels[VOXELS];
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, &plane)); /* no camera */
+    frame.intrinsics = camera;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, &plane)); /* no images */
+    frame.depth_m = depth;
+    frame.depth_count = PIXELS;
+    frame.labels = labels;
+    frame.label_count = PIXELS - 1;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_fit_support(&frame, NULL, &plane));
+    MUST(strstr(beo_last_error(), "label") != NULL);
+    frame.label_count = SIZE_MAX;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_fit_support(&frame, NULL, &plane));
+    frame.label_count = PIXELS;
+    frame.depth_m = (const float *)(const void *)((const char *)depth + 1);
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, &plane));
+    frame.depth_m = depth;
+    frame.reserved = 1;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, &plane));
+    frame.reserved = 0;
+    frame.size--;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_fit_support(&frame, NULL, &plane));
+    frame.size++;
+    frame.intrinsics.fx = 0;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, &plane));
+    frame.intrinsics.fx = 60;
+    frame.intrinsics.distortion[4] = (double)INFINITY;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, &plane));
+    frame.intrinsics.distortion[4] = 0;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(NULL, NULL, &plane));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(NULL, &options, 2, NULL, SIDE, SIDE, SIDE, &grid));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(&frame, &options, 2, NULL, SIDE, SIDE, SIDE, NULL));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(&frame, NULL, 2, NULL, SIDE, SIDE, SIDE, &grid));
+    MUST(strstr(beo_last_error(), "up") != NULL);
+
+    /* Nothing to stand on and nothing to see is no error: the next frame may show it. */
+    options.support_label = 7;
+    GIVES(BEO_STATUS_NOT_SEEN, beo_fit_support(&frame, &options, &plane));
+    options.support_label = 0;
+    options.up[2] = -4;
+    GIVES(BEO_STATUS_NOT_SEEN, beo_place_grid(&frame, &options, 3, NULL, SIDE, SIDE, SIDE, &grid));
+    MUST(strstr(beo_last_error(), "object 3 has 0 depth readings") != NULL);
+
+    options.size = 8;
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_fit_support(&frame, &options, &plane));
+    options.size = sizeof options;
+    const beo_camera_options good = options;
+#define BAD_OPTION(field, value)                                                                                                          \
+    do {                                                                                                                                  \
+        options.field = (value);                                                                                                          \
+        GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, &options, &plane));                                                    \
+        options = good;                                                                                                                   \
+    } while (0)
+    BAD_OPTION(support_label, 65536);
+    BAD_OPTION(sensor.constant_m, -1);
+    BAD_OPTION(sensor.deviations, (double)NAN);
+    BAD_OPTION(up[0], (double)NAN);
+    BAD_OPTION(up[0], (double)INFINITY);
+    BAD_OPTION(share, 0);
+    BAD_OPTION(share, 1.5);
+    BAD_OPTION(known_side_m, -1);
+    BAD_OPTION(known_side_m, (double)NAN);
+    BAD_OPTION(reserved, 1);
+
+    GIVES(BEO_STATUS_OK, beo_fit_support(&frame, &options, &plane));
+    MUST(fabs(plane.normal[2] + 1) < 1e-6 && fabs(plane.offset_m - 1) < 1e-6);
+    GIVES(BEO_STATUS_BAD_DIMS, beo_place_grid(&frame, &options, 2, &plane, SIDE, 7, SIDE, &grid));
+    beo_plane no_plane = plane;
+    no_plane.normal[0] = 1;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(&frame, &options, 2, &no_plane, SIDE, SIDE, SIDE, &grid));
+    no_plane = plane;
+    no_plane.offset_m = (double)NAN;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(&frame, &options, 2, &no_plane, SIDE, SIDE, SIDE, &grid));
+    GIVES(BEO_STATUS_OK, beo_place_grid(&frame, &options, 2, &plane, SIDE, SIDE, SIDE, &grid));
+    /* About the block's front: 15 pixels broad at 0.9 m, which are two thirds of the grid. */
+    MUST(fabs(grid.position_m[2] - 0.9) < 1e-6 && fabs(grid.voxel_size_m - 15 * 0.9 / 60 / (SIDE * 2.0 / 3)) < 1e-6);
+
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_carve(&frame, &options, 2, &plane, &grid, voxels, VOXELS - 1));
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_carve(&frame, &options, 2, &plane, &grid, voxels, SIZE_MAX));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_carve(&frame, &options, 2, &plane, &grid, NULL, VOXELS));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_carve(&frame, &options, 2, &plane, NULL, voxels, VOXELS));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_carve(NULL, &options, 2, &plane, &grid, voxels, VOXELS));
+    beo_grid no_grid = grid;
+    no_grid.orientation[0] = (double)NAN;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_carve(&frame, &options, 2, &plane, &no_grid, voxels, VOXELS));
+    no_grid = grid;
+    no_grid.position_m[1] = (double)INFINITY;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_carve(&frame, &options, 2, &plane, &no_grid, voxels, VOXELS));
+    no_grid = grid;
+    no_grid.voxel_size_m = 0;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_carve(&frame, &options, 2, &plane, &no_grid, voxels, VOXELS));
+    no_grid = grid;
+    no_grid.dims[0] = 300;
+    GIVES(BEO_STATUS_BAD_DIMS, beo_carve(&frame, &options, 2, &plane, &no_grid, voxels, VOXELS));
+    memset(voxels, 9, VOXELS);
+    GIVES(BEO_STATUS_OK, beo_carve(&frame, &options, 2, NULL, &grid, voxels, VOXELS));
+    size_t codes[3] = {0, 0, 0};
+    for (int i = 0; i < VOXELS; i++) {
+        MUST(voxels[i] == 0 || voxels[i] == 1 || voxels[i] == 255);
+        codes[voxels[i] == 255 ? 2 : voxels[i]]++;
+    }
+    MUST(codes[0] > 100 && codes[1] > 50 && codes[2] > 100);
+
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_of_grid(NULL, NULL, &header));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_of_grid(&grid, NULL, NULL));
+    no_grid = grid;
+    no_grid.position_m[0] = 1e300;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_of_grid(&no_grid, NULL, &header));
+    no_grid.position_m[0] = 0;
+    no_grid.voxel_size_m = 1e-60;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_of_grid(&no_grid, NULL, &header));
+    options.known_side_m = 0.25;
+    GIVES(BEO_STATUS_OK, beo_observation_header_of_grid(&grid, &options, &header));
+    MUST(header.view == BEO_VIEW_CAMERA && header.outside == BEO_OUTSIDE_UNKNOWN && header.scale_search == BEO_SCALE_SEARCH_SEARCH);
+    MUST(header.pose_search == BEO_POSE_SEARCH_YAW && header.dims[1] == SIDE && header.known_side_m == 0.25f);
+    /* Up is towards the camera: it is above the grid. */
+    MUST(fabs((double)header.sensor_position_m[2] - 0.9) < 1e-3 && header.position_m[2] == grid.position_m[2]);
+    MUST(strcmp((const char *)header.frame_id, "camera") == 0);
 }
 
 static void opening(const char *instance, const char *nobody) {
@@ -302,6 +451,7 @@ int main(int argc, char **argv) {
     }
     texts();
     nulls();
+    from_depth_to_a_grid();
     opening(argv[1], argv[2]);
 
     beo_subscriber_options options = BEO_SUBSCRIBER_OPTIONS_INIT;

@@ -1,11 +1,13 @@
 //! The program as its users run it: real processes, real shared memory.
 
 mod bench;
+mod camera;
 mod client;
 mod faults;
 mod full_pose;
 mod harness;
 mod hostile;
+mod household;
 mod operations;
 mod pictures;
 mod pose;
@@ -15,3 +17,4 @@ mod resources;
 mod service;
 mod training;
 mod usage;
+mod viewing;

@@ -22,7 +22,11 @@ fn fails(arguments: &[&str], code: i32, parts: &[&str]) {
 fn help_names_every_subcommand() {
     let output = run(["--help"]);
     assert!(output.status.success());
-    for command in ["train", "inspect", "perceive", "serve", "status", "reload", "observe", "watch", "eval", "demo", "bench", "generate"] {
+    let commands = [
+        "train", "inspect", "perceive", "serve", "status", "reload", "observe", "camera", "watch", "record", "eval", "demo", "bench",
+        "generate",
+    ];
+    for command in commands {
         assert!(text(&output.stdout).contains(command));
         assert!(run([command, "--help"]).status.success());
     }
@@ -41,6 +45,9 @@ fn wrong_usage_is_exit_code_2() {
     fails(&["observe", "f.npy", "--rate", "0"], 2, &["--rate 0"]);
     fails(&["observe", "f.npy", "--rate", "nan"], 2, &["--rate"]);
     fails(&["watch", "--wait=-1"], 2, &["--wait"]);
+    fails(&["demo", "--views", "0"], 2, &["--views 0"]);
+    fails(&["demo", "--elevation", "90"], 2, &["5 to 85"]);
+    fails(&["demo", "--objects", "sofa"], 2, &["sofa", "mug"]);
     fails(&["serve"], 2, &["--model"]);
     fails(&["serve", "--model", "m", "--instance", "a/b"], 2, &["a/b", "use letters"]);
 }

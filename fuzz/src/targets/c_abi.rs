@@ -23,6 +23,47 @@ struct View {
     header: beo_ipc::CompletionHeader,
 }
 
+/// `beo_depth_frame`.
+#[repr(C)]
+struct DepthFrame {
+    size: u32,
+    reserved: u32,
+    side: [u32; 2],
+    camera: [f64; 9],
+    depth_m: *const f32,
+    depth_count: usize,
+    labels: *const u16,
+    label_count: usize,
+}
+
+/// `beo_camera_options`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct CameraOptions {
+    size: u32,
+    support_label: u32,
+    sensor: [f64; 3],
+    up: [f64; 3],
+    share: f64,
+    known_side_m: f64,
+    least_readings: u32,
+    reserved: u32,
+}
+
+/// `beo_plane`.
+type Plane = [f64; 4];
+
+/// `beo_grid`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Grid {
+    dims: [u32; 3],
+    reserved: u32,
+    voxel_size_m: f64,
+    position_m: [f64; 3],
+    orientation: [f64; 4],
+}
+
 unsafe extern "C" {
     safe fn beo_status_text(status: i32) -> *const c_char;
     safe fn beo_last_error() -> *const c_char;
@@ -41,6 +82,28 @@ unsafe extern "C" {
     fn beo_subscriber_take_completion(subscriber: Handle, completion: *mut Handle, view: *mut View) -> i32;
     fn beo_subscriber_status(subscriber: Handle, status: *mut Status, age: *mut u64) -> i32;
     safe fn beo_completion_release(completion: Handle) -> i32;
+    fn beo_depth_from_u16(depth: *const u16, count: usize, scale_m: f64, depth_m: *mut f32) -> i32;
+    fn beo_fit_support(frame: *const DepthFrame, options: *const CameraOptions, plane: *mut Plane) -> i32;
+    fn beo_place_grid(
+        frame: *const DepthFrame,
+        options: *const CameraOptions,
+        object: u16,
+        support: *const Plane,
+        nx: u32,
+        ny: u32,
+        nz: u32,
+        grid: *mut Grid,
+    ) -> i32;
+    fn beo_carve(
+        frame: *const DepthFrame,
+        options: *const CameraOptions,
+        object: u16,
+        support: *const Plane,
+        grid: *const Grid,
+        voxels: *mut u8,
+        voxel_count: usize,
+    ) -> i32;
+    fn beo_observation_header_of_grid(grid: *const Grid, options: *const CameraOptions, header: *mut ObservationHeader) -> i32;
     fn beo_perceive_with(
         producer: Handle,
         subscriber: Handle,
@@ -142,6 +205,92 @@ impl Program<'_> {
         options
     }
 
+    /// A number: mostly the one that is right.
+    fn number(&mut self, right: f64) -> f64 {
+        match self.next() {
+            0..200 => right,
+            200..230 => right * f64::from(self.next()) / 16.0 - 1.0,
+            choice => [0.0, -1.0, f64::NAN, f64::INFINITY, f64::MAX, f64::MIN_POSITIVE, 1e-300, -1e150][usize::from(choice) % 8],
+        }
+    }
+
+    /// From a frame to a grid and its header: the last status. What comes out of one call goes into the next, also after errors.
+    fn look(&mut self) -> i32 {
+        const COLUMNS: usize = 24;
+        const PIXELS: usize = COLUMNS * 16;
+        let readings: [u16; PIXELS] =
+            std::array::from_fn(|i| 800 + (i / COLUMNS) as u16 * u16::from(self.left.first().copied().unwrap_or(9)));
+        let labels: [u16; PIXELS] =
+            std::array::from_fn(|i| u16::from((8..16).contains(&(i % COLUMNS)) && (4..12).contains(&(i / COLUMNS))));
+        let mut depth = [0.0_f32; PIXELS];
+        let scale = self.number(0.001);
+        // SAFETY: as many numbers as said.
+        let mut status = unsafe { beo_depth_from_u16(readings.as_ptr(), PIXELS, scale, depth.as_mut_ptr()) };
+        for _ in 0..self.next() % 8 {
+            let place = usize::from(self.next()) % PIXELS;
+            depth[place] = self.number(1.0) as f32;
+        }
+        let camera = [20.0, 20.0, 11.5, 7.5, 0.0, 0.0, 0.0, 0.0, 0.0].map(|right| self.number(right));
+        let frame = DepthFrame {
+            size: if self.given() { size_of::<DepthFrame>() as u32 } else { self.next().into() },
+            reserved: 0,
+            side: [COLUMNS as u32, if self.given() { 16 } else { self.next().into() }],
+            camera,
+            depth_m: if self.given() { depth.as_ptr() } else { null() },
+            depth_count: PIXELS,
+            labels: if self.given() { labels.as_ptr() } else { null() },
+            label_count: if self.given() { PIXELS } else { self.next().into() },
+        };
+        let options = CameraOptions {
+            size: if self.given() { size_of::<CameraOptions>() as u32 } else { self.next().into() },
+            support_label: if self.given() { 0 } else { self.next().into() },
+            sensor: [0.001, 0.0019, 2.0].map(|right| self.number(right)),
+            up: [0.0, -1.0, -1.0].map(|right| self.number(right)),
+            share: self.number(0.7),
+            known_side_m: self.number(0.0),
+            least_readings: self.next().into(),
+            reserved: 0,
+        };
+        let (frame, options) = (&raw const frame, if self.given() { &raw const options } else { null() });
+        let mut plane = [0.0, -0.6, -0.8, 0.9].map(|right| self.number(right));
+        let mut grid = Grid {
+            dims: [SIDE; 3],
+            reserved: 0,
+            voxel_size_m: self.number(0.02),
+            position_m: [0.0, 0.0, 0.9].map(|right| self.number(right)),
+            orientation: [0.0, 0.0, 0.0, 1.0].map(|right| self.number(right)),
+        };
+        let (mut voxels, mut header) = ([7; VOXELS], ObservationHeader::new([SIDE; 3]));
+        // SAFETY: NULL, or locals that outlive the calls; images and voxels have as many values as is said, or more.
+        unsafe {
+            for _ in 0..self.next() % 6 {
+                let support = if self.given() { &raw const plane } else { null() };
+                status = match self.next() % 4 {
+                    0 => beo_fit_support(frame, options, if self.given() { &raw mut plane } else { null_mut() }),
+                    1 => {
+                        let side = if self.given() { SIDE } else { self.next().into() };
+                        let status = beo_place_grid(frame, options, 1, support, side, SIDE, SIDE, &raw mut grid);
+                        assert!(status != 0 || (grid.voxel_size_m > 0.0 && grid.position_m.iter().all(|value| value.is_finite())));
+                        status
+                    }
+                    2 => {
+                        let count = if self.given() { VOXELS } else { self.next().into() };
+                        let status = beo_carve(frame, options, 1, support, &raw const grid, voxels.as_mut_ptr(), count);
+                        assert!(status != 0 || voxels.iter().all(|code| [0, 1, 255].contains(code)), "all voxels are written");
+                        status
+                    }
+                    _ => {
+                        let status = beo_observation_header_of_grid(&raw const grid, options, &raw mut header);
+                        assert!(status != 0 || header.sensor_position_m.iter().all(|value| value.is_finite()));
+                        status
+                    }
+                };
+                assert_ne!(status, INTERNAL, "{:?}", text(beo_last_error()));
+            }
+        }
+        status
+    }
+
     fn header(&mut self) -> ObservationHeader {
         let mut header = ObservationHeader::new([SIDE; 3]);
         for _ in 0..self.next() % 4 {
@@ -233,7 +382,7 @@ impl World {
         };
         // SAFETY: every pointer is NULL or leads to a local of the right type that outlives the call; slices are as long as said.
         unsafe {
-            match operation % 18 {
+            match operation % 19 {
                 0 => {
                     let options = program.options(8);
                     let options = if program.given() { options.as_ptr() } else { null() };
@@ -306,10 +455,11 @@ impl World {
                     let other = program.handle(slots);
                     beo_perceive_with(handle, other, header_at, voxels.as_ptr(), count, i32::from(program.next() % 2), percept_at)
                 }
-                _ => {
+                17 => {
                     self.pump();
                     0
                 }
+                _ => program.look(),
             }
         }
     }
@@ -354,6 +504,8 @@ pub fn seeds() -> Vec<Vec<u8>> {
             (7, 7, 0),
         ]),
         calls(&[(0, 0, 0), (2, 1, 0), (2, 2, 0), (7, 7, 0), (4, 7, 1), (6, 7, 2), (6, 7, 2), (12, 7, 1), (2, 3, 0)]),
+        // Plane, placement, carving, header; zeros are numbers as they should be.
+        [vec![18], vec![0; 45], vec![4, 0, 0, 0, 0, 1, 0, 0, 2, 0, 0, 3]].concat(),
         calls(&[(0, 0, 0), (1, 1, 0), (16, 7, 0), (17, 7, 7), (14, 7, 1), (15, 7, 0), (10, 7, 1)]),
     ]
 }

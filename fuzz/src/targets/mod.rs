@@ -1,6 +1,7 @@
 //! The targets.
 
 pub mod c_abi;
+pub mod camera;
 pub mod config;
 pub mod model;
 pub mod observation;
@@ -20,7 +21,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: [Target; 16] = [
     Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "off", run: shapes::off, seeds: shapes::off_seeds, most_bytes: shapes::most_bytes_of_mesh },
@@ -31,4 +32,10 @@ pub const TARGETS: [Target; 10] = [
     Target { name: "config", run: config::run, seeds: config::seeds, most_bytes: config::most_bytes },
     Target { name: "observation", run: observation::run, seeds: observation::seeds, most_bytes: observation::most_bytes },
     Target { name: "c_abi", run: c_abi::run, seeds: c_abi::seeds, most_bytes: c_abi::most_bytes },
+    Target { name: "png_image", run: camera::png, seeds: camera::png_seeds, most_bytes: camera::most_bytes_of_image },
+    Target { name: "tiff_image", run: camera::tiff, seeds: camera::tiff_seeds, most_bytes: camera::most_bytes_of_image },
+    Target { name: "npy_image", run: camera::npy, seeds: camera::npy_seeds, most_bytes: camera::most_bytes_of_image },
+    Target { name: "camera_info", run: camera::camera_info, seeds: camera::camera_info_seeds, most_bytes: camera::most_bytes_of_text },
+    Target { name: "scene_camera", run: camera::scene_camera, seeds: camera::scene_camera_seeds, most_bytes: camera::most_bytes_of_text },
+    Target { name: "trajectory", run: camera::trajectory, seeds: camera::trajectory_seeds, most_bytes: camera::most_bytes_of_text },
 ];

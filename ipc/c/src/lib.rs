@@ -2,6 +2,7 @@
 //! and from the messages of beo-ipc. The rules of the interface are in `ipc/README.md`.
 //!
 //! - `subscriber`, `completion`, `producer`, `perceive`, `common`: the functions, one file per kind of handle
+//! - `camera`: from a depth frame to a carved grid and its header; needs no handle
 //! - `outcome`: the status that every function returns, and the last error's text
 //! - `handles`: handles are numbers in a table, so that a stale one is found out instead of followed
 //! - `options`: the structs of this interface that are not messages
@@ -9,6 +10,7 @@
 //!
 //! `unsafe` is in `pointers`, which follows pointers, and in the files of functions, which are unsafe to call and have exported names.
 
+mod camera;
 mod common;
 mod completion;
 mod handles;

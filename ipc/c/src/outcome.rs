@@ -1,6 +1,7 @@
 //! What a function of the interface returns: a status, and for errors a text that says what was wrong, where, and what to do.
 
 use crate::handles::HandleError;
+use beo_camera::{FrameError, GridError, IntrinsicsError, PlacementError, SensorModelError};
 use beo_ipc::{InstanceNameError, LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
@@ -27,6 +28,8 @@ pub enum Outcome {
     NoFreeChunk = 6,
     /// Two completions are held: release one.
     TooManyHeld = 7,
+    /// The frame does not show enough: no plane that objects could stand on, or too few readings of the object.
+    NotSeen = 8,
     /// An argument is NULL or out of its range.
     InvalidArgument = -1,
     /// The `size` field of a struct, or a length, is not what it must be.
@@ -57,7 +60,7 @@ pub enum Outcome {
 
 impl Outcome {
     /// All of them.
-    const ALL: [Self; 21] = [
+    const ALL: [Self; 22] = [
         Self::Ok,
         Self::Empty,
         Self::Timeout,
@@ -66,6 +69,7 @@ impl Outcome {
         Self::Busy,
         Self::NoFreeChunk,
         Self::TooManyHeld,
+        Self::NotSeen,
         Self::InvalidArgument,
         Self::WrongSize,
         Self::BadHandle,
@@ -96,6 +100,7 @@ impl Outcome {
             Self::Busy => c"another thread is using this handle",
             Self::NoFreeChunk => c"all memory for observations is loaned or held: commit or abandon loans, and try again",
             Self::TooManyHeld => c"too many completions are held: release one, and try again",
+            Self::NotSeen => c"the frame does not show enough of it: try again with the next",
             Self::InvalidArgument => c"an argument is NULL or out of its range",
             Self::WrongSize => c"a size field or a length is not what it must be",
             Self::BadHandle => c"the handle was closed or released before, or is of another kind",
@@ -217,6 +222,44 @@ impl From<ReconnectError> for Failure {
 impl From<InstanceNameError> for Failure {
     fn from(error: InstanceNameError) -> Self {
         Self::new(Outcome::BadInstance, error.to_string())
+    }
+}
+
+impl From<IntrinsicsError> for Failure {
+    fn from(error: IntrinsicsError) -> Self {
+        Self::new(Outcome::InvalidArgument, error.to_string())
+    }
+}
+
+impl From<SensorModelError> for Failure {
+    fn from(error: SensorModelError) -> Self {
+        Self::new(Outcome::InvalidArgument, error.to_string())
+    }
+}
+
+impl From<FrameError> for Failure {
+    fn from(error: FrameError) -> Self {
+        Self::new(Outcome::WrongSize, error.to_string())
+    }
+}
+
+impl From<GridError> for Failure {
+    fn from(error: GridError) -> Self {
+        let outcome = match &error {
+            GridError::Dims(_) => Outcome::BadDims,
+            GridError::Length { .. } => Outcome::WrongSize,
+            GridError::VoxelSize(_) | GridError::Place => Outcome::InvalidArgument,
+        };
+        Self::new(outcome, error.to_string())
+    }
+}
+
+impl From<PlacementError> for Failure {
+    fn from(error: PlacementError) -> Self {
+        match error {
+            PlacementError::Grid(error) => error.into(),
+            seen => Self::new(Outcome::NotSeen, seen.to_string()),
+        }
     }
 }
 

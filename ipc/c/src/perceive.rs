@@ -3,7 +3,7 @@
 #![allow(unsafe_code)] // exported names, and pointers of the caller's
 
 use crate::outcome::{Failure, Outcome, guard};
-use crate::pointers::{bytes, must_not_be_null, read, store, text, timeout};
+use crate::pointers::{must_not_be_null, numbers, read, store, text, timeout};
 use crate::producer::{PRODUCERS, ProducerHandle, set_header};
 use crate::subscriber::{SUBSCRIBERS, SubscriberHandle};
 use beo_ipc::names::DEFAULT_INSTANCE;
@@ -36,7 +36,7 @@ pub unsafe extern "C" fn beo_perceive(
         must_not_be_null(percept, "percept")?;
         // SAFETY: a text, readable, and readable bytes, as the caller promises.
         let (instance, header, voxels) =
-            unsafe { (text(instance, DEFAULT_INSTANCE)?, read(header, "header")?, bytes(voxels, voxel_count, "voxels")?) };
+            unsafe { (text(instance, DEFAULT_INSTANCE)?, read(header, "header")?, numbers(voxels, voxel_count, "voxels")?) };
         let instance = InstanceName::new(instance)?;
         let time = Time::new(timeout_ms);
         let at_most = || time.left().unwrap_or(Duration::MAX);
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn beo_perceive_with(
         // SAFETY: NULL or readable, as the caller promises.
         let header = if header.is_null() { None } else { Some(unsafe { read(header, "header") }?) };
         // SAFETY: readable bytes, as the caller promises.
-        let voxels = unsafe { bytes(voxels, voxel_count, "voxels") }?;
+        let voxels = unsafe { numbers(voxels, voxel_count, "voxels") }?;
         let time = Time::new(timeout_ms);
         let answer = PRODUCERS.with(producer, |producer| {
             SUBSCRIBERS.with(subscriber, |subscriber| ask(producer, subscriber, header.as_ref(), voxels, &time))

@@ -19,6 +19,10 @@ unsafe impl Sized32 for crate::options::SubscriberOptions {}
 unsafe impl Sized32 for crate::options::ProducerOptions {}
 // SAFETY: as above.
 unsafe impl Sized32 for crate::options::CompletionView {}
+// SAFETY: as above.
+unsafe impl Sized32 for crate::options::DepthFrame {}
+// SAFETY: as above.
+unsafe impl Sized32 for crate::options::CameraOptions {}
 
 fn null(name: &str) -> Failure {
     Failure::new(Outcome::InvalidArgument, format!("`{name}` is NULL"))
@@ -85,19 +89,39 @@ pub(crate) unsafe fn store<T: Copy>(pointer: *mut T, value: T) {
     }
 }
 
-/// The bytes at `pointer`.
+/// The numbers at `pointer`.
 ///
 /// # Safety
-/// `pointer` is NULL or points to `len` readable bytes that live, unchanged, as long as the result is used.
-pub(crate) unsafe fn bytes<'a>(pointer: *const u8, len: usize, name: &str) -> Result<&'a [u8], Failure> {
-    if pointer.is_null() {
-        return Err(null(name));
-    }
-    if len > isize::MAX as usize {
-        return Err(Failure::new(Outcome::WrongSize, format!("`{name}` has {len} bytes: more than a computer has")));
-    }
-    // SAFETY: not NULL, so `len` readable bytes, as promised, and no more than isize::MAX.
+/// `T` is a plain number. `pointer` is NULL or points to `len` of them, readable, that live, unchanged, as long as the result is used.
+pub(crate) unsafe fn numbers<'a, T: Copy>(pointer: *const T, len: usize, name: &str) -> Result<&'a [T], Failure> {
+    check(pointer, len, name)?;
+    // SAFETY: not NULL and aligned, so `len` readable numbers, as promised, and no more than isize::MAX bytes.
     Ok(unsafe { std::slice::from_raw_parts(pointer, len) })
+}
+
+/// The numbers at `pointer`, to be written: zeros, as memory that C has just allocated may hold nothing yet.
+///
+/// # Safety
+/// `T` is a plain number. `pointer` is NULL or points to room for `len` of them, writable, that nobody else uses as long as the result is
+/// used.
+pub(crate) unsafe fn numbers_mut<'a, T: Copy>(pointer: *mut T, len: usize, name: &str) -> Result<&'a mut [T], Failure> {
+    check(pointer, len, name)?;
+    // SAFETY: not NULL and aligned, so room for `len` numbers, as promised, and no more than isize::MAX bytes; 0 is a number.
+    Ok(unsafe {
+        pointer.write_bytes(0, len);
+        std::slice::from_raw_parts_mut(pointer, len)
+    })
+}
+
+fn check<T>(pointer: *const T, len: usize, name: &str) -> Result<(), Failure> {
+    must_not_be_null(pointer, name)?;
+    if len > isize::MAX as usize / size_of::<T>() {
+        return Err(Failure::new(Outcome::WrongSize, format!("`{name}` has {len} values: more than a computer has")));
+    }
+    if !pointer.is_aligned() {
+        return Err(Failure::new(Outcome::InvalidArgument, format!("`{name}` is not aligned as its type asks for")));
+    }
+    Ok(())
 }
 
 /// A timeout in milliseconds; negative: without end.

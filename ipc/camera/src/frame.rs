@@ -61,7 +61,13 @@ impl<'a> Frame<'a> {
     #[inline]
     pub fn depth(&self, pixel: usize) -> Option<f64> {
         let depth = self.depth[pixel];
-        (depth > 0.0 && depth.is_finite()).then(|| f64::from(depth))
+        Self::is_reading(depth).then(|| f64::from(depth))
+    }
+
+    /// Whether a value of the depth image is a reading.
+    #[inline]
+    pub(crate) fn is_reading(depth: f32) -> bool {
+        depth > 0.0 && depth < f32::INFINITY
     }
 
     /// The label of a pixel.

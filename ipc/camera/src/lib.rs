@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `intrinsics` | the pinhole camera with lens distortion |
 //! | `frame` | one depth image with its labels |
+//! | `segments` | the pixels of each label |
 //! | `sensor` | how far a reading may be from the surface, by depth |
 //! | `support` | the plane that objects stand on, and what is up |
 //! | `placement` | where the grid of an object lies and how big it is |
@@ -19,6 +20,7 @@ mod frame;
 mod fusion;
 mod intrinsics;
 mod placement;
+mod segments;
 mod sensor;
 mod support;
 
@@ -26,6 +28,7 @@ pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};
 pub use frame::{Frame, FrameError};
 pub use fusion::{Fusion, FusionError};
 pub use intrinsics::{Intrinsics, IntrinsicsError};
-pub use placement::{Placement, PlacementError, place};
+pub use placement::{Placement, PlacementError, place, place_in};
+pub use segments::Segments;
 pub use sensor::{SensorModel, SensorModelError};
-pub use support::{Plane, PlaneSearch, fit_support, up_axis};
+pub use support::{Plane, PlaneSearch, fit_support, fit_support_in, up_axis};

@@ -5,7 +5,7 @@
 //! have no neighbours (edges). It reaches down to the support plane if the lowest reading is near it. The grid's centre is the box's, and
 //! the box's longest side is [`Placement::share`] of the grid's shortest: what is hidden may extend further.
 
-use crate::{Frame, Grid, GridError, Plane, SensorModel};
+use crate::{Frame, Grid, GridError, Plane, Segments, SensorModel};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// How a grid is laid about an object.
@@ -15,7 +15,7 @@ pub struct Placement {
     pub share: f64,
     /// The object's longest side, metres, if it is known: then the grid is as big as it is for training shapes.
     pub known_side_m: Option<f64>,
-    /// Fewest readings.
+    /// Fewest readings; 0 counts as 1.
     pub least_readings: usize,
 }
 
@@ -72,17 +72,38 @@ pub fn place(
     dims: [usize; 3],
     placement: &Placement,
 ) -> Result<Grid, PlacementError> {
-    let pixels: Vec<usize> =
-        (0..frame.labels().len()).filter(|pixel| frame.label(*pixel) == object && frame.depth(*pixel).is_some()).collect();
-    if pixels.len() < placement.least_readings {
-        return Err(PlacementError::TooFew { object, found: pixels.len(), least: placement.least_readings });
+    place_in(frame, &Segments::new(frame), object, up, support, sensor, dims, placement)
+}
+
+/// As [`place`], where the frame's segments are at hand: for several objects of one frame.
+#[allow(clippy::too_many_arguments)] // those of `place`, and the segments
+pub fn place_in(
+    frame: &Frame<'_>,
+    segments: &Segments,
+    object: u16,
+    up: &Unit<Vector3<f64>>,
+    support: Option<&Plane>,
+    sensor: &SensorModel,
+    dims: [usize; 3],
+    placement: &Placement,
+) -> Result<Grid, PlacementError> {
+    let pixels = segments.pixels(object);
+    let least = placement.least_readings.max(1);
+    if pixels.len() < least {
+        return Err(PlacementError::TooFew { object, found: pixels.len(), least });
     }
     let stride = pixels.len().div_ceil(MOST_POINTS);
     let points_of = |keep: &dyn Fn(usize) -> bool| -> Vec<Point3<f64>> {
-        pixels.iter().step_by(stride).filter(|pixel| keep(**pixel)).filter_map(|pixel| frame.point(*pixel)).collect()
+        pixels
+            .iter()
+            .step_by(stride)
+            .map(|pixel| *pixel as usize)
+            .filter(|pixel| keep(*pixel))
+            .filter_map(|pixel| frame.point(pixel))
+            .collect()
     };
     let mut points = points_of(&|pixel| has_neighbours(frame, sensor, pixel));
-    if points.len() < placement.least_readings {
+    if points.len() < least {
         points = points_of(&|_| true);
     }
     let middle = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / points.len() as f64;

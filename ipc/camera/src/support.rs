@@ -3,7 +3,7 @@
 //! RANSAC (Fischler and Bolles, 1981) over triples from a fixed low-discrepancy sequence, so that the same frame gives the same plane,
 //! then least squares over what lies near it.
 
-use crate::{Frame, SensorModel};
+use crate::{Frame, Segments, SensorModel};
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, Vector3};
 
 /// A plane in the camera frame.
@@ -60,34 +60,92 @@ const NEAR: f64 = 0.004;
 
 /// The plane with the most readings of the frame; `None` where there is none that objects could stand on.
 pub fn fit_support(frame: &Frame<'_>, search: &PlaneSearch) -> Option<Plane> {
-    let label = search.label.unwrap_or(0);
-    let of_label = || (0..frame.labels().len()).filter(|pixel| frame.label(*pixel) == label && frame.depth(*pixel).is_some());
-    let stride = of_label().count().div_ceil(MOST_POINTS).max(1);
-    let points: Vec<(Point3<f64>, f64)> = of_label()
-        .step_by(stride)
-        .filter_map(|pixel| frame.point(pixel))
-        .map(|point| (point, NEAR.max(3.0 * search.sensor.deviation(point.z))))
-        .collect();
-    if points.len() < LEAST_POINTS {
+    fit_support_in(frame, &Segments::new(frame), search)
+}
+
+/// As [`fit_support`], where the frame's segments are at hand.
+pub fn fit_support_in(frame: &Frame<'_>, segments: &Segments, search: &PlaneSearch) -> Option<Plane> {
+    let pixels = segments.pixels(search.label.unwrap_or(0));
+    let readings = Readings::new(frame, pixels, &search.sensor);
+    if readings.count() < LEAST_POINTS {
         return None;
     }
-    let inliers = |plane: &Plane| points.iter().filter(|(point, near)| plane.height(point).abs() < *near).count();
     // Fractional parts of multiples of these are spread evenly over a cube (the R₃ sequence: powers of the root of x⁴ = x + 1).
     const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_97];
-    let pick = |i: u32, axis: usize| points[(((f64::from(i) + 1.0) * STEPS[axis]).fract() * points.len() as f64) as usize].0;
-    let best = (0..TRIPLES)
-        .filter_map(|i| through([pick(i, 0), pick(i, 1), pick(i, 2)]))
-        .filter(|plane| search.allows(plane))
-        .map(|plane| (inliers(&plane), plane))
-        .reduce(|best, next| if next.0 > best.0 { next } else { best })?;
-    let mut plane = best.1;
-    for _ in 0..4 {
-        let near: Vec<Point3<f64>> = points.iter().filter(|(p, near)| plane.height(p).abs() < *near).map(|(p, _)| *p).collect();
-        plane = least_squares(&near)?;
+    let pick = |i: u32, axis: usize| readings.point(((f64::from(i) + 1.0) * STEPS[axis]).fract());
+    let mut best: Option<(usize, Plane)> = None;
+    for i in 0..TRIPLES {
+        let Some(plane) = through([pick(i, 0), pick(i, 1), pick(i, 2)]).filter(|plane| search.allows(plane)) else { continue };
+        if let Some(near) = readings.more_near(&plane, best.map(|(near, _)| near)) {
+            best = Some((near, plane));
+        }
     }
-    let near = inliers(&plane);
-    let enough = near >= LEAST_POINTS && near as f64 >= LEAST_SHARE * points.len() as f64;
+    let mut plane = best?.1;
+    for _ in 0..4 {
+        plane = least_squares(&readings.near(&plane))?;
+    }
+    let near = readings.near(&plane).len();
+    let enough = near >= LEAST_POINTS && near as f64 >= LEAST_SHARE * readings.count() as f64;
     (enough && search.allows(&plane)).then_some(plane)
+}
+
+/// What the plane is fitted to: points with the distance at which each counts as near, coordinate by coordinate for the sake of vectors.
+struct Readings {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
+    reach: Vec<f64>,
+}
+
+impl Readings {
+    /// Readings that are counted between two looks at whether the plane can still win.
+    const BLOCK: usize = 500;
+
+    fn new(frame: &Frame<'_>, pixels: &[u32], sensor: &SensorModel) -> Self {
+        let stride = pixels.len().div_ceil(MOST_POINTS).max(1);
+        let empty = || Vec::with_capacity(MOST_POINTS);
+        let mut readings = Self { x: empty(), y: empty(), z: empty(), reach: empty() };
+        for point in pixels.iter().step_by(stride).filter_map(|pixel| frame.point(*pixel as usize)) {
+            readings.x.push(point.x);
+            readings.y.push(point.y);
+            readings.z.push(point.z);
+            readings.reach.push(NEAR.max(3.0 * sensor.deviation(point.z)));
+        }
+        readings
+    }
+
+    fn count(&self) -> usize {
+        self.x.len()
+    }
+
+    /// The one at this share of their number.
+    fn point(&self, share: f64) -> Point3<f64> {
+        let i = (share * self.count() as f64) as usize;
+        Point3::new(self.x[i], self.y[i], self.z[i])
+    }
+
+    /// How many lie near the plane, if more than `most`.
+    fn more_near(&self, plane: &Plane, most: Option<usize>) -> Option<usize> {
+        let mut near = 0;
+        for start in (0..self.count()).step_by(Self::BLOCK) {
+            let end = self.count().min(start + Self::BLOCK);
+            near += (start..end).filter(|i| self.is_near(plane, *i)).count();
+            if most.is_some_and(|most| near + self.count() - end <= most) {
+                return None;
+            }
+        }
+        Some(near)
+    }
+
+    #[inline]
+    fn is_near(&self, plane: &Plane, i: usize) -> bool {
+        plane.height(&Point3::new(self.x[i], self.y[i], self.z[i])).abs() < self.reach[i]
+    }
+
+    fn near(&self, plane: &Plane) -> Vec<Point3<f64>> {
+        let near = (0..self.count()).filter(|i| self.is_near(plane, *i));
+        near.map(|i| Point3::new(self.x[i], self.y[i], self.z[i])).collect()
+    }
 }
 
 impl PlaneSearch {
@@ -122,7 +180,8 @@ fn least_squares(points: &[Point3<f64>]) -> Option<Plane> {
         let d = p.coords - mean;
         sum + d * d.transpose()
     });
-    let eigen = SymmetricEigen::new(scatter);
+    // Points beyond all measure have no scatter; without a limit, the iteration would not end on what is not a number.
+    let eigen = SymmetricEigen::try_new(scatter, f64::EPSILON, 100)?;
     let least = eigen.eigenvalues.imin();
     let normal = Unit::try_new(eigen.eigenvectors.column(least).into_owned(), 1e-12)?;
     Some(towards_camera(normal, &Point3::from(mean)))
@@ -131,7 +190,7 @@ fn least_squares(points: &[Point3<f64>]) -> Option<Plane> {
 /// What is up in the camera frame, by gravity (the direction in which things fall) or by the plane that things stand on.
 pub fn up_axis(gravity: Option<Vector3<f64>>, support: Option<&Plane>) -> Option<Unit<Vector3<f64>>> {
     match gravity {
-        Some(gravity) => Unit::try_new(-gravity, 1e-9),
+        Some(gravity) => Unit::try_new(-gravity, 1e-9).filter(|up| up.iter().all(|value| value.is_finite())),
         None => support.map(Plane::normal),
     }
 }

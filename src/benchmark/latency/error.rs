@@ -1,6 +1,8 @@
 //! What can go wrong in a measurement of latency.
 
+use crate::grid::DimsError;
 use crate::process::ProcessError;
+use beo_camera::GridError;
 use beo_ipc::{InstanceNameError, LoanError, OpenError, ReceiveError, SendError, WaitError};
 use std::time::Duration;
 
@@ -50,6 +52,12 @@ pub enum LatencyError {
     /// An observation cannot be sent.
     #[error(transparent)]
     Send(#[from] SendError),
+    /// The model's grids have sides outside the limits.
+    #[error(transparent)]
+    Dims(#[from] DimsError),
+    /// A grid cannot be carved.
+    #[error(transparent)]
+    Grid(#[from] GridError),
     /// A percept cannot be received.
     #[error(transparent)]
     Receive(#[from] ReceiveError),

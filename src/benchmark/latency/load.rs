@@ -22,11 +22,14 @@ pub enum Load {
     /// Sixteen objects at once, four times a second.
     #[serde(rename = "burst")]
     Bursts,
+    /// Depth images of six objects, ten times a second, carved into as many grids by the producer.
+    #[serde(rename = "camera")]
+    Camera,
 }
 
 impl Load {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::FlatOut, Self::Steady, Self::Frames, Self::Bursts];
+    pub const ALL: [Self; 5] = [Self::FlatOut, Self::Steady, Self::Frames, Self::Bursts, Self::Camera];
 
     /// Its name on the command line and in results.
     pub fn name(self) -> &'static str {
@@ -35,6 +38,7 @@ impl Load {
             Self::Steady => "30hz",
             Self::Frames => "8x30hz",
             Self::Bursts => "burst",
+            Self::Camera => "camera",
         }
     }
 
@@ -44,6 +48,7 @@ impl Load {
             Self::FlatOut | Self::Steady => 1,
             Self::Frames => 8,
             Self::Bursts => 16,
+            Self::Camera => 6,
         }
     }
 
@@ -53,12 +58,14 @@ impl Load {
             Self::FlatOut => None,
             Self::Steady | Self::Frames => Some(Duration::from_nanos(1_000_000_000 / 30)),
             Self::Bursts => Some(Duration::from_millis(250)),
+            Self::Camera => Some(Duration::from_millis(100)),
         }
     }
 
     /// From when its latencies count, in words.
     pub fn measured_from(self) -> &'static str {
         match self.interval() {
+            Some(_) if self == Self::Camera => "when the frame was due, as images in memory (corrected for coordinated omission)",
             Some(_) => "when the observation was due (corrected for coordinated omission)",
             None => "when the producer began to write (one client in a loop: nothing is due, so there is nothing to correct)",
         }

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `load` | when observations are due, and sending them on time |
 //! | `grids` | what is sent |
+//! | `scene` | what is seen, where depth images are carved |
 //! | `record` | the stamps of one observation |
 //! | `producer`, `reader` | what the other processes do |
 //! | `processes` | one run: all processes started, listened to, ended |
@@ -26,6 +27,7 @@ mod producer;
 mod reader;
 mod record;
 mod report;
+mod scene;
 mod summary;
 
 pub use error::LatencyError;
@@ -37,6 +39,7 @@ pub use producer::{ProducerPlan, produce};
 pub use reader::{ReaderPlan, read};
 pub use record::Record;
 pub use report::text;
+pub use scene::six_objects;
 pub use summary::{LoadReport, Report};
 
 pub use super::wake::Wake;

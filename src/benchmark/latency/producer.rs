@@ -1,9 +1,12 @@
 //! What the producer's process does: send what is due, count, and stay until all was answered.
 
 use super::load::{Clock, Load, Monotonic, drive};
-use super::{Grids, LatencyError, Pose, Wake};
+use super::record::to_stamp;
+use super::{Grids, LatencyError, Pose, Wake, six_objects};
+use crate::camera::{CapturedFrame, GridOptions, carve, lay_grids};
+use crate::grid::Dims;
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::{InstanceName, ObservationHeader, Producer, Status, Subscriber, SubscriberOptions, View};
+use beo_ipc::{InstanceName, ObservationHeader, Outside, Producer, ScaleSearch, Status, Subscriber, SubscriberOptions, View};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -62,6 +65,10 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
     let mut template = ObservationHeader::new(plan.dims);
     template.pose_search = plan.pose.search().code();
     template.view = View::TopDown.code();
+    if plan.load == Load::Camera {
+        template.view = View::Camera.code();
+        (template.outside, template.scale_search) = (Outside::Unknown.code(), ScaleSearch::Search.code());
+    }
     let producer = Producer::open_within(&instance, &template, OPEN)?;
     let mut warm_up = 0;
     let mut send = |object: u64, frame: u64, due_ns: u64, counted: bool| -> Result<u64, LatencyError> {
@@ -71,10 +78,14 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
         header.object_id = object + 1;
         (header.continues, header.continued_object_id) = (u32::from(plan.pose == Pose::Track), object + 1);
         // What the percept repeats is what the reader knows: when it was due, and whether it counts.
-        (header.capture_ns, header.sensor_stamp_ns) = (due_ns, u64::from(counted));
+        (header.capture_ns, header.sensor_stamp_ns) = (due_ns, to_stamp(0, counted));
         warm_up += u64::from(!counted);
         Ok(loan.send()?.sequence)
     };
+    let [x, y, z] = plan.dims.map(|side| side as usize);
+    let options = GridOptions::new(Dims::new(x, y, z)?);
+    let scene = (plan.load == Load::Camera).then(|| (six_objects(), options));
+    let mut in_warm_up = 0;
     let going = || !stop.load(Ordering::Relaxed);
     let start_ns = monotonic_ns();
     let counted_from_ns = start_ns + (plan.warm_up_s * 1e9) as u64;
@@ -82,8 +93,17 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
         let frames = |seconds: f64| (seconds / interval.as_secs_f64()).round() as u64;
         let unmeasured = frames(plan.warm_up_s);
         drive(&mut Monotonic, start_ns, interval, unmeasured + frames(plan.seconds).max(1), |_, frame, due_ns| {
-            for object in 0..plan.load.objects() {
-                send(object, frame, due_ns, frame >= unmeasured)?;
+            let counted = frame >= unmeasured;
+            match &scene {
+                Some((captured, options)) => {
+                    let sent = see(&producer, captured, options, due_ns, counted)?;
+                    in_warm_up += if counted { 0 } else { sent };
+                }
+                None => {
+                    for object in 0..plan.load.objects() {
+                        send(object, frame, due_ns, counted)?;
+                    }
+                }
             }
             Ok::<_, LatencyError>(going())
         })?;
@@ -100,7 +120,27 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
     }
     let counts = settled(&instance, stop)?;
     let Status { received, answered, dropped: overtaken, refused, .. } = counts;
-    Ok(Sent { sent: producer.sent(), warm_up, received, answered, overtaken, refused })
+    Ok(Sent { sent: producer.sent(), warm_up: warm_up + in_warm_up, received, answered, overtaken, refused })
+}
+
+/// Sends the objects of a frame, each carved into its place in shared memory; how many.
+fn see(producer: &Producer, captured: &CapturedFrame, options: &GridOptions, due_ns: u64, counted: bool) -> Result<u64, LatencyError> {
+    let laid = lay_grids(captured.frame(), options);
+    let laid_ns = monotonic_ns();
+    let mut sent = 0;
+    for carver in laid.objects.iter().filter_map(|object| object.carver.as_ref().ok()) {
+        let mut loan = producer.loan()?;
+        carve(carver, loan.voxels_mut())?;
+        let header = loan.header_mut();
+        let (grid, motion) = (&carver.grid, carver.grid.grid_to_camera());
+        (header.position_m, header.orientation) = (motion.translation.vector.into(), motion.rotation.coords.into());
+        (header.object_id, header.voxel_size_m) = (carver.object.into(), grid.voxel_size_m() as f32);
+        header.sensor_position_m = grid.camera().coords.map(|metres| metres as f32).into();
+        (header.capture_ns, header.sensor_stamp_ns) = (due_ns, to_stamp(laid_ns, counted));
+        loan.send()?;
+        sent += 1;
+    }
+    Ok(sent)
 }
 
 /// Waits until the percept with this number was read. One that does not come is missing in the counts.

@@ -1,7 +1,7 @@
 //! What a reader's process does: take every percept and its completion, and note when.
 
 use super::producer::OPEN;
-use super::record::Record;
+use super::record::{Record, from_stamp};
 use super::{LatencyError, Wake};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::{InstanceName, Percept, Subscriber, SubscriberOptions};
@@ -50,8 +50,10 @@ pub fn read(plan: &ReaderPlan, stop: &AtomicBool, ready: impl FnOnce() -> std::i
 }
 
 fn record(percept: &Percept, read_ns: u64) -> Record {
+    let (laid_ns, counted) = from_stamp(percept.sensor_stamp_ns);
     let stamps_ns = [
         percept.capture_ns,
+        if laid_ns == 0 { percept.capture_ns } else { laid_ns },
         percept.written_ns,
         percept.received_ns,
         percept.projected_ns,
@@ -61,5 +63,5 @@ fn record(percept: &Percept, read_ns: u64) -> Record {
         percept.published_ns,
         read_ns,
     ];
-    Record { sequence: percept.sequence, counted: percept.sensor_stamp_ns == 1, status: percept.status, stamps_ns }
+    Record { sequence: percept.sequence, counted, status: percept.status, stamps_ns }
 }

@@ -2,8 +2,23 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The stages in order, by name. `due` is when the schedule wanted the observation sent; the last is stamped by the reader.
-pub const STAGES: [&str; 9] = ["due", "written", "received", "projected", "classified", "posed", "completed", "published", "read"];
+/// The stages in order, by name. `due` is when the schedule wanted the observation sent; `laid` when, of a depth image, the support plane
+/// was found and the grids were laid, and otherwise the same as `due`; the last is stamped by the reader.
+pub const STAGES: [&str; 10] = ["due", "laid", "written", "received", "projected", "classified", "posed", "completed", "published", "read"];
+
+/// Place of `written` among the stages.
+const WRITTEN: usize = 2;
+
+/// What travels as the sensor's own stamp, which the percept repeats: when the grids were laid (0 if they were not), and whether the
+/// observation counts.
+pub(super) fn to_stamp(laid_ns: u64, counted: bool) -> u64 {
+    laid_ns << 1 | u64::from(counted)
+}
+
+/// What [`to_stamp`] was told.
+pub(super) fn from_stamp(stamp: u64) -> (u64, bool) {
+    (stamp >> 1, stamp & 1 == 1)
+}
 
 /// What a reader notes of one percept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,9 +39,14 @@ impl Record {
         self.between(0, STAGES.len() - 1)
     }
 
+    /// From when it was due to when it was written.
+    pub fn until_write_ns(&self) -> u64 {
+        self.between(0, WRITTEN)
+    }
+
     /// From when it was written to when it was read: without what was due but could not be written.
     pub fn latency_from_write_ns(&self) -> u64 {
-        self.between(1, STAGES.len() - 1)
+        self.between(WRITTEN, STAGES.len() - 1)
     }
 
     /// What each stage after the first took.
@@ -55,14 +75,15 @@ mod tests {
 
     #[test]
     fn stages_add_up_to_the_latency() {
-        let good = Record { sequence: 1, counted: true, status: 0, stamps_ns: [10, 20, 40, 70, 110, 160, 220, 290, 370] };
-        assert_eq!(good.stages_ns(), [10, 20, 30, 40, 50, 60, 70, 80]);
-        assert_eq!((good.latency_ns(), good.latency_from_write_ns()), (360, 350));
+        let good = Record { sequence: 1, counted: true, status: 0, stamps_ns: [10, 15, 20, 40, 70, 110, 160, 220, 290, 370] };
+        assert_eq!(good.stages_ns(), [5, 5, 20, 30, 40, 50, 60, 70, 80]);
+        assert_eq!((good.latency_ns(), good.until_write_ns(), good.latency_from_write_ns()), (360, 10, 350));
         assert_eq!(good.stages_ns().iter().sum::<u64>(), good.latency_ns());
         assert!(good.is_complete() && good.is_in_order());
         let mut other = good;
-        other.stamps_ns[6] = 0;
+        other.stamps_ns[7] = 0;
         assert!(!other.is_complete() && !other.is_in_order());
         assert!(!Record { status: 1, ..good }.is_complete());
+        assert_eq!((from_stamp(to_stamp(77, true)), from_stamp(to_stamp(0, false))), ((77, true), (0, false)));
     }
 }

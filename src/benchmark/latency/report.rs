@@ -49,7 +49,8 @@ fn latencies(report: &Report, out: &mut String) {
     NAMED.iter().for_each(|(name, _)| heading.push_str(&format!("{name:>10}")));
     line(out, format_args!("{heading}{:>10}", "max"));
     for load in &report.loads {
-        for (what, percentiles) in [("", &load.latency_us), (" from the write", &load.from_write_us)] {
+        let grids = load.frame_to_grids_us.as_ref().map(|percentiles| (" frame to 6 grids", percentiles));
+        for (what, percentiles) in [("", &load.latency_us), (" from the write", &load.from_write_us)].into_iter().chain(grids) {
             let values: String = percentiles.values().iter().map(|us| format!("{:>10.3}", us / 1e3)).collect();
             line(out, format_args!("{:<26}{:>8}{values}", format!("{}{what}", load.load), percentiles.count));
         }
@@ -74,6 +75,10 @@ fn stages(report: &Report, out: &mut String) {
         let values: String = report.loads.iter().map(value).collect();
         line(out, format_args!("{:<26}{values}", format!("{} to {}", pair[0], pair[1])));
     }
+    line(
+        out,
+        format_args!("due to laid is finding the support plane and laying the grids of a depth image, laid to written their carving"),
+    );
     line(out, format_args!("received to projected includes waiting for observations that came before"));
     line(out, format_args!(""));
 }

@@ -10,6 +10,7 @@ use crate::model::Model;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 
 /// What one run gave.
 pub struct Run {
@@ -120,6 +121,8 @@ pub struct LoadReport {
     pub latency_us: Percentiles,
     /// The same from when the observation was written.
     pub from_write_us: Percentiles,
+    /// Of depth images: from when a frame was due until the last of its grids was written, microseconds: medians over the runs.
+    pub frame_to_grids_us: Option<Percentiles>,
     /// `latency_us` of each run.
     pub runs: Vec<Percentiles>,
     /// What each stage took, microseconds.
@@ -151,6 +154,8 @@ impl LoadReport {
             measured_from: load.measured_from(),
             latency_us: Percentiles::median(&latencies),
             from_write_us: Percentiles::median(&percentiles(&Record::latency_from_write_ns)),
+            frame_to_grids_us: (load == Load::Camera)
+                .then(|| Percentiles::median(&timed.iter().map(|records| frames(records)).collect::<Vec<_>>())),
             stages_us: (0..STAGES.len() - 1).map(stage).collect(),
             median_observation_us: median_observation(timed.iter().flatten().copied()),
             counts: runs.iter().map(Counts::of).reduce(Counts::add).unwrap_or_default(),
@@ -163,6 +168,16 @@ impl LoadReport {
     pub fn medians(&self) -> impl Iterator<Item = (&'static str, f64)> {
         self.stages_us.iter().map(|stage| (stage.stage, stage.took.p50))
     }
+}
+
+/// Time until the last grid of each frame was written. What is due at one time is one frame.
+fn frames(records: &[&Record]) -> Percentiles {
+    let mut last: BTreeMap<u64, u64> = BTreeMap::new();
+    for record in records {
+        let until = last.entry(record.stamps_ns[0]).or_default();
+        *until = record.until_write_ns().max(*until);
+    }
+    Percentiles::of_times(last.into_values())
 }
 
 fn median_observation<'a>(records: impl Iterator<Item = &'a Record>) -> Map<String, Value> {
@@ -240,15 +255,15 @@ mod tests {
     use super::*;
 
     fn record(sequence: u64, counted: bool, latency: u64) -> Record {
-        let step = latency / 8;
+        let step = latency / 9;
         Record { sequence, counted, status: 0, stamps_ns: std::array::from_fn(|stage| 1000 + stage as u64 * step) }
     }
 
     fn run() -> Run {
         // 10 sent, 1 lost, 2 overtaken, 1 refused, 6 answered; the second reader missed one.
         let sent = Sent { sent: 10, warm_up: 2, received: 9, answered: 6, overtaken: 2, refused: 1 };
-        let mut first: Vec<Record> = (1..=6).map(|n| record(n, n > 2, n * 8000)).collect();
-        first.push(Record { status: 3, ..record(7, true, 8) });
+        let mut first: Vec<Record> = (1..=6).map(|n| record(n, n > 2, n * 9000)).collect();
+        first.push(Record { status: 3, ..record(7, true, 9) });
         Run { sent, readers: vec![first.clone(), first[..6].to_vec()] }
     }
 
@@ -266,8 +281,8 @@ mod tests {
         assert!(!Counts::of(&more_read_than_answered).sums_match);
         let mut odd = run();
         odd.readers[0][1].sequence = 1;
-        odd.readers[0][2].stamps_ns[4] = 1;
-        odd.readers[0][3].stamps_ns[6] = 0;
+        odd.readers[0][2].stamps_ns[5] = 1;
+        odd.readers[0][3].stamps_ns[7] = 0;
         let counts = Counts::of(&odd);
         assert_eq!((counts.repeated, counts.out_of_order, counts.incomplete), (1, 1, 1));
     }
@@ -275,13 +290,13 @@ mod tests {
     #[test]
     fn times_are_of_what_was_answered_after_the_warm_up() {
         let report = LoadReport::new(Load::Steady, &[run(), run(), run()]);
-        // Latencies 24, 32, 40, 48 µs, read by two readers, three runs.
+        // Latencies 27, 36, 45, 54 µs, read by two readers, three runs.
         assert_eq!(report.latency_us.count, 24);
-        assert!((report.latency_us.p50 - 32.0).abs() < 0.1 && (report.latency_us.max - 48.0).abs() < 0.1, "{:?}", report.latency_us);
+        assert!((report.latency_us.p50 - 36.0).abs() < 0.1 && (report.latency_us.max - 54.0).abs() < 0.1, "{:?}", report.latency_us);
         assert!((report.from_write_us.max - 42.0).abs() < 0.1);
-        assert_eq!(report.stages_us.len(), 8);
+        assert_eq!((report.stages_us.len(), report.frame_to_grids_us), (9, None));
         assert!(report.medians().all(|(_, us)| (us - 4.0).abs() < 0.01));
-        assert_eq!((report.median_observation_us["due"].as_f64(), report.median_observation_us["read"].as_f64()), (Some(0.0), Some(32.0)));
+        assert_eq!((report.median_observation_us["due"].as_f64(), report.median_observation_us["read"].as_f64()), (Some(0.0), Some(36.0)));
         let none = LoadReport::new(Load::FlatOut, &[Run { sent: Sent::default(), readers: vec![] }]);
         assert!(none.latency_us.count == 0 && none.median_observation_us.is_empty() && none.counts.sums_match);
     }

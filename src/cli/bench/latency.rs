@@ -63,6 +63,8 @@ enum LoadArgument {
     Frames,
     /// Sixteen objects at once, four times a second
     Burst,
+    /// Depth images of six objects, ten times a second, carved by the producer
+    Camera,
     /// All of these
     All,
 }
@@ -74,6 +76,7 @@ impl LoadArgument {
             Self::Steady => &[Load::Steady],
             Self::Frames => &[Load::Frames],
             Self::Burst => &[Load::Bursts],
+            Self::Camera => &[Load::Camera],
             Self::All => &Load::ALL,
         }
     }

@@ -10,6 +10,6 @@ mod scores;
 mod search;
 mod view_frame;
 
-pub(crate) use scores::{CameraScores, Cell, Told, ViewWork, wrapped};
+pub(crate) use scores::{CameraScores, Cell, Shadow, Told, ViewWork, wrapped};
 pub(crate) use search::{Placement, Refined, refine};
-pub(crate) use view_frame::{CELLS, SEEN, ViewFrame};
+pub(crate) use view_frame::{CELLS, SEEN, ShadowImage, ViewFrame};

@@ -1,10 +1,10 @@
 //! Log densities of what a camera sees, for each class and step of yaw, and how the object would then lie.
 //!
-//! Hull features z in the view's frame have a Gaussian for each class, step of yaw and learned elevation; how exactly the object lies (the
+//! Features z of the shadow in the view's frame have a Gaussian for each class, step of yaw and learned elevation; how exactly the object lies (the
 //! offsets δ) has a Gaussian given z. What is told of the pose, the size or the place is scored as an observation of δ:
 //! log p(z, δ) = log N(z) + log N(δ | z). As z is the same data for all of them, this is a likelihood over class, yaw, size and place.
 
-use super::view_frame::{CELLS, ViewFrame};
+use super::view_frame::{CELLS, ShadowImage, ViewFrame};
 use crate::grid::Observation;
 use crate::model::{CameraDensities, OFFSETS, YAWS};
 use crate::perception::density::dot;
@@ -65,12 +65,20 @@ pub struct CameraScores {
     size: usize,
 }
 
+/// What is seen and hidden in a frame, and the image to find it.
+#[derive(Default)]
+pub struct Shadow {
+    image: ShadowImage,
+    /// Averages over the cells.
+    pub cells: Vec<f32>,
+}
+
 /// Scratch memory.
 #[derive(Default)]
 pub struct ViewWork {
     /// For sorting.
     pub along: Vec<f64>,
-    hull: Vec<f32>,
+    shadow: Shadow,
     features: Vec<f32>,
     mean: Vec<f32>,
     whitening: Vec<f32>,
@@ -94,11 +102,12 @@ impl CameraScores {
     }
 
     /// Features of what is seen in a frame, into `out`.
-    pub fn features(&self, frame: &ViewFrame, observation: &Observation, hull: &mut Vec<f32>, out: &mut Vec<f32>) {
-        frame.hull(observation, hull);
+    pub fn features(&self, frame: &ViewFrame, observation: &Observation, scratch: &mut Shadow, out: &mut Vec<f32>) {
+        let Shadow { image, cells } = scratch;
+        frame.shadow(observation, image, cells);
         out.clear();
         out.resize(self.size, 0.0);
-        for (share, row) in hull.iter().zip(self.basis.chunks_exact(self.size)).filter(|(share, _)| **share != 0.0) {
+        for (share, row) in cells.iter().zip(self.basis.chunks_exact(self.size)).filter(|(share, _)| **share != 0.0) {
             out.iter_mut().zip(row).for_each(|(sum, v)| *sum += share * v);
         }
     }
@@ -113,8 +122,8 @@ impl CameraScores {
         wanted: &[bool],
         work: &mut ViewWork,
     ) {
-        let ViewWork { hull, features, mean, whitening, regression, cells, .. } = work;
-        self.features(frame, observation, hull, features);
+        let ViewWork { shadow, features, mean, whitening, regression, cells, .. } = work;
+        self.features(frame, observation, shadow, features);
         let (p, m) = (self.size, wanted.len());
         let triangle = p * (p + 1) / 2;
         mean.resize(p, 0.0);

@@ -1,4 +1,4 @@
-//! The frame in which views of cameras are compared: laid about what is seen, turned towards the camera.
+//! The frame in which views of cameras are compared: laid about what is seen, turned towards the camera; and what is hidden in it.
 //!
 //! x is the horizontal direction in which the camera looks at the object, z is up; the origin is the middle of the box about the filled
 //! voxels, and the box's longest side is [`SEEN`] units of the [`SPAN`] that are looked at. It depends on neither the object's pose nor
@@ -33,6 +33,60 @@ pub struct ViewFrame {
     pub unit: f64,
     /// Half of the box about what is seen, in units.
     half: Vector3<f64>,
+    /// The camera, in units along the frame's axes.
+    camera: Vector3<f64>,
+}
+
+/// Pixels along a side of the image in which shadows are found: one per unit at the origin's distance.
+const PIXELS: usize = 80;
+
+/// How near what is seen is to the camera, by direction.
+#[derive(Default)]
+pub struct ShadowImage {
+    /// Distance along the direction of looking, units; infinite where nothing is seen.
+    nearest: Vec<f32>,
+    /// Edge of a voxel, units.
+    edge: f64,
+}
+
+impl ShadowImage {
+    fn clear(&mut self, edge: f64) {
+        self.nearest.clear();
+        self.nearest.resize(PIXELS * PIXELS, f32::INFINITY);
+        self.edge = edge;
+    }
+
+    /// A filled voxel covers all pixels that it touches. `at`: right, down and forward from the camera.
+    fn add(&mut self, at: &Vector3<f64>, distance: f64) {
+        if at.z <= 0.0 {
+            return;
+        }
+        let scale = distance / at.z;
+        let reach = 0.6 * self.edge * scale;
+        let pixels = |centre: f64| {
+            let middle = centre * scale + PIXELS as f64 / 2.0;
+            let low = (middle - reach).floor().max(0.0) as usize;
+            low..((middle + reach).floor().max(-1.0) + 1.0).min(PIXELS as f64) as usize
+        };
+        for v in pixels(at.y) {
+            for u in pixels(at.x) {
+                let nearest = &mut self.nearest[v * PIXELS + u];
+                *nearest = nearest.min(at.z as f32);
+            }
+        }
+    }
+
+    /// Whether a point is at or behind what is seen in its direction.
+    #[inline]
+    fn hides(&self, at: &Vector3<f64>, distance: f64) -> bool {
+        if at.z <= 0.0 {
+            return false;
+        }
+        let scale = distance / at.z;
+        let (u, v) = (at.x * scale + PIXELS as f64 / 2.0, at.y * scale + PIXELS as f64 / 2.0);
+        let inside = u >= 0.0 && v >= 0.0 && u < PIXELS as f64 && v < PIXELS as f64;
+        inside && at.z >= f64::from(self.nearest[v as usize * PIXELS + u as usize]) - 0.5 * self.edge
+    }
 }
 
 impl ViewFrame {
@@ -66,37 +120,62 @@ impl ViewFrame {
         let unit = (high - low).max() / SEEN;
         let up = camera - origin;
         let elevation = up.z.atan2(up.xy().norm());
-        Some(Self { azimuth, elevation, origin, unit, half: (high - low) / (2.0 * unit) })
+        Some(Self { azimuth, elevation, origin, unit, half: (high - low) / (2.0 * unit), camera: turn * up / unit })
     }
 
-    /// Averages of the visual hull (filled or unknown) over the cells, in C order, z fastest. What lies below the box is no part of it;
-    /// outside of the grid, things are as at its border.
-    pub fn hull(&self, observation: &Observation, out: &mut Vec<f32>) {
-        let dims = observation.dims();
-        let sides = <[usize; 3]>::from(dims).map(|side| side as f64);
-        let (known, filled) = (observation.known(), observation.filled());
-        let axes: Matrix3<f64> = yaw(self.azimuth).to_rotation_matrix().matrix() * self.unit;
-        // Of unit (i, j, k): the middle of it, in voxel coordinates.
+    /// Averages over the cells of the shadow of what is seen: filled voxels and what they hide from the camera; C order, z fastest. What
+    /// lies below the box is no part of it.
+    ///
+    /// Unlike the visual hull, it does not depend on what there is beside and behind the object: a table, a wall, or nothing that the
+    /// sensor could read.
+    pub fn shadow(&self, observation: &Observation, image: &mut ShadowImage, out: &mut Vec<f32>) {
+        self.render(observation, image);
+        // Of unit (i, j, k): the middle of it, from the origin.
         let half = SPAN as f64 / 2.0 - 0.5;
-        let start = self.origin + Vector3::from(sides) / 2.0 - axes * Vector3::repeat(half);
         let bottom = (half - self.half.z).ceil().max(0.0) as usize;
+        let axes = self.looking();
         const SIDE: usize = SPAN / CELL;
+        const SHARE: f32 = 1.0 / (CELL * CELL * CELL) as f32;
         out.clear();
         out.resize(CELLS, 0.0);
-        const SHARE: f32 = 1.0 / (CELL * CELL * CELL) as f32;
-        let clamped = |at: f64, side: f64| at.clamp(0.0, side - 1.0) as usize;
+        let up = axes.column(2).into_owned();
         for i in 0..SPAN {
             for j in 0..SPAN {
-                let at = start + axes * Vector3::new(i as f64, j as f64, 0.0);
-                let column = (clamped(at.x, sides[0]) * dims.y() + clamped(at.y, sides[1])) * dims.z();
+                let start = axes * (Vector3::new(i as f64 - half, j as f64 - half, -half) - self.camera);
                 let stack = ((i / CELL) * SIDE + j / CELL) * SIDE;
                 for k in bottom..SPAN {
-                    let voxel = column + clamped(at.z + axes[(2, 2)] * k as f64, sides[2]);
-                    if !known.contains(voxel) || filled.contains(voxel) {
+                    if image.hides(&(start + up * k as f64), self.distance()) {
                         out[stack + k / CELL] += SHARE;
                     }
                 }
             }
+        }
+    }
+
+    /// Distance of the camera from the origin, units.
+    fn distance(&self) -> f64 {
+        self.camera.norm().max(1e-6)
+    }
+
+    /// Rows: right and down in the camera's image, and the direction from the camera to the origin, in the frame.
+    fn looking(&self) -> Matrix3<f64> {
+        let forward = (-self.camera).try_normalize(1e-9).unwrap_or(Vector3::x());
+        let right = forward.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or(-Vector3::y());
+        Matrix3::from_rows(&[right.transpose(), forward.cross(&right).transpose(), forward.transpose()])
+    }
+
+    /// Where filled voxels are seen, and how far away.
+    fn render(&self, observation: &Observation, image: &mut ShadowImage) {
+        let dims = observation.dims();
+        let middle = Vector3::from(<[usize; 3]>::from(dims).map(|side| (side as f64 - 1.0) / 2.0));
+        let back = yaw(-self.azimuth).to_rotation_matrix();
+        let axes = self.looking();
+        let turn = axes * back.matrix() / self.unit;
+        let shift = axes * self.camera + turn * self.origin;
+        image.clear(1.0 / self.unit);
+        for voxel in observation.filled().ones() {
+            let [i, j, k] = dims.coordinates(voxel);
+            image.add(&(turn * (Vector3::new(i as f64, j as f64, k as f64) - middle) - shift), self.distance());
         }
     }
 
@@ -139,11 +218,31 @@ mod tests {
         assert!((frame.origin - Vector3::new(0.0, 2.0, -11.0)).norm() < 1e-9, "{}", frame.origin);
         assert!((frame.unit - 12.0 / SEEN).abs() < 1e-9);
         assert!((frame.elevation - (61.0_f64).atan2(62.0)).abs() < 1e-9);
-        let mut hull = Vec::new();
-        frame.hull(&observation, &mut hull);
-        // 20 × 10 × 6.67 units, of cells of 8.
-        let volume = f64::from(hull.iter().sum::<f32>()) * 8.0;
-        assert!((volume / (20.0 * 10.0 * 20.0 / 3.0) - 1.0).abs() < 0.08, "{volume}");
+        // Against the rays from the camera to the middle of each unit, walked in small steps.
+        let mut shadow = Vec::new();
+        frame.shadow(&observation, &mut ShadowImage::default(), &mut shadow);
+        let middle = Vector3::repeat(14.5);
+        let into_grid = |at: Vector3<f64>| yaw(frame.azimuth) * at * frame.unit + frame.origin + middle;
+        let camera = into_grid(frame.camera);
+        assert!((camera - middle - Vector3::new(0.0, -60.0, 50.0)).norm() < 1e-9);
+        let mut expected = vec![0.0_f32; CELLS];
+        for (i, j, k) in (0..SPAN).flat_map(|i| (0..SPAN).flat_map(move |j| (0..SPAN).map(move |k| (i, j, k)))) {
+            let at = into_grid(Vector3::new(i as f64, j as f64, k as f64) - middle);
+            let inside = |p: Vector3<f64>| {
+                p.iter().all(|v| *v >= -0.5) && {
+                    let [i, j, k] = [p.x, p.y, p.z].map(|v| v.round() as usize);
+                    object.is_filled(i, j, k)
+                }
+            };
+            let hidden = (0..1000).any(|step| inside(camera + (at - camera) * (f64::from(step) / 999.0)));
+            if hidden && k as f64 > 14.5 - frame.half.z {
+                expected[((i / 2) * 15 + j / 2) * 15 + k / 2] += 0.125;
+            }
+        }
+        let (found, sum): (f32, f32) = (shadow.iter().sum(), expected.iter().sum());
+        let apart: f32 = shadow.iter().zip(&expected).map(|(a, b)| (a - b).abs()).sum();
+        // The image's pixels are as wide as a voxel and a half: borders are blurred by that.
+        assert!((found / sum - 1.0).abs() < 0.3 && apart < 0.4 * sum, "{found} {sum} {apart}");
         let placed = Placed { rotation: yaw(0.3), scale: 0.9, shift: Vector3::new(1.0, 2.0, 3.0) };
         let (rotation, scale, place) = frame.seen(&placed);
         let back = frame.placed(crate::grid::yaw_of(&rotation), scale, &place);

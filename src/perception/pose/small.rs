@@ -18,22 +18,30 @@ fn dims() -> Dims {
 /// The model, trained once.
 pub fn perceiver() -> &'static Perceiver {
     static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
-    PERCEIVER.get_or_init(|| {
-        let make = |class: usize, seed: u64| Shape {
-            object: furniture::make(CLASSES[class], dims(), seed).expect("a class of the generator"),
-            class,
-            file: format!("{class}/{seed}"),
-        };
-        let shapes = Shapes {
-            classes: CLASSES.map(String::from).to_vec(),
-            shapes: (0..CLASSES.len()).flat_map(|class| (0..SHAPES).map(move |seed| make(class, seed))).collect(),
-            skipped: Vec::new(),
-            shared: Vec::new(),
-        };
-        let options = TrainOptions { basis_range: [5, 20], ..TrainOptions::default() };
-        let model = train(&shapes, &options, &|_| ()).expect("shapes that can be learned");
-        Perceiver::new(Arc::new(model)).expect("a usable model")
-    })
+    PERCEIVER.get_or_init(|| learn(Vec::new()))
+}
+
+/// The same that also knows what cameras see, from 20 to 50 degrees above the horizontal.
+pub fn seeing_perceiver() -> &'static Perceiver {
+    static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
+    PERCEIVER.get_or_init(|| learn(vec![20.0, 50.0]))
+}
+
+fn learn(camera_elevations_deg: Vec<f64>) -> Perceiver {
+    let make = |class: usize, seed: u64| Shape {
+        object: furniture::make(CLASSES[class], dims(), seed).expect("a class of the generator"),
+        class,
+        file: format!("{class}/{seed}"),
+    };
+    let shapes = Shapes {
+        classes: CLASSES.map(String::from).to_vec(),
+        shapes: (0..CLASSES.len()).flat_map(|class| (0..SHAPES).map(move |seed| make(class, seed))).collect(),
+        skipped: Vec::new(),
+        shared: Vec::new(),
+    };
+    let options = TrainOptions { basis_range: [5, 20], camera_elevations_deg, ..TrainOptions::default() };
+    let model = train(&shapes, &options, &|_| ()).expect("shapes that can be learned");
+    Perceiver::new(Arc::new(model)).expect("a usable model")
 }
 
 /// The model alone.

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-const STAGES: [&str; 9] = ["due", "written", "received", "projected", "classified", "posed", "completed", "published", "read"];
+const STAGES: [&str; 10] = ["due", "laid", "written", "received", "projected", "classified", "posed", "completed", "published", "read"];
 
 fn latency(arguments: &[&str]) -> std::process::Command {
     let model = model().to_str().unwrap();
@@ -49,7 +49,7 @@ fn check(report: &Value, load: &Value, readers: usize) {
     let names: Vec<&str> = load["stages_us"].as_array().unwrap().iter().map(|stage| stage["stage"].as_str().unwrap()).collect();
     assert_eq!(names, STAGES[1..]);
     let stamps: Vec<f64> = STAGES.iter().map(|stage| load["median_observation_us"][stage].as_f64().unwrap()).collect();
-    assert!(stamps.is_sorted() && stamps[0] == 0.0 && stamps[8] > 0.0, "{stamps:?}");
+    assert!(stamps.is_sorted() && stamps[0] == 0.0 && stamps[9] > 0.0, "{stamps:?}");
     percentiles(&load["latency_us"]);
 
     let counts = &load["counts"];
@@ -77,11 +77,20 @@ fn every_load_is_measured_through_all_stages_and_leaves_nothing_behind() {
     assert_eq!(report["benchmark"], "latency");
     assert!(report["machine"]["cores"].as_u64().unwrap() >= 1 && report["machine"]["cpu"].is_string());
     let loads = report["loads"].as_array().unwrap();
-    assert_eq!(loads.iter().map(|load| load["load"].as_str().unwrap()).collect::<Vec<_>>(), ["flat-out", "30hz", "8x30hz", "burst"]);
+    assert_eq!(
+        loads.iter().map(|load| load["load"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["flat-out", "30hz", "8x30hz", "burst", "camera"]
+    );
     loads.iter().for_each(|load| check(&report, load, 2));
     // Half a second of warm-up and one second: what is due does not depend on how fast it is served.
-    assert_eq!(loads[1..].iter().map(|load| count(load, "sent")).collect::<Vec<_>>(), [45, 360, 96]);
-    assert_eq!(loads[1..].iter().map(|load| count(load, "warm_up")).collect::<Vec<_>>(), [15, 120, 32]);
+    assert_eq!(loads[1..].iter().map(|load| count(load, "sent")).collect::<Vec<_>>(), [45, 360, 96, 90]);
+    assert_eq!(loads[1..].iter().map(|load| count(load, "warm_up")).collect::<Vec<_>>(), [15, 120, 32, 30]);
+    // Only a depth image takes time until its grids are laid; frames are counted once for each reader's six objects.
+    let laid: Vec<bool> = loads.iter().map(|load| load["stages_us"][0]["p50"].as_f64().unwrap() > 0.0).collect();
+    assert_eq!(laid, [false, false, false, false, true]);
+    let frames = &loads[4]["frame_to_grids_us"];
+    assert!(frames["count"].as_u64().is_some_and(|count| (1..=10).contains(&count)) && frames["p50"].as_f64() > Some(0.0), "{frames}");
+    assert!(loads[0]["frame_to_grids_us"].is_null());
     for picture in ["latency.png", "stages.png"] {
         assert!(std::fs::read(pictures.join(picture)).unwrap().starts_with(b"\x89PNG"));
     }

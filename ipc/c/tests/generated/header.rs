@@ -5,7 +5,7 @@ use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Langua
 use std::fmt::Write;
 
 /// Rust names and their names in C.
-const NAMES: [(&str, &str); 22] = [
+const NAMES: [(&str, &str); 28] = [
     ("Outcome", "beo_status"),
     ("SubscriberHandle", "beo_subscriber"),
     ("CompletionHandle", "beo_completion"),
@@ -14,6 +14,12 @@ const NAMES: [(&str, &str); 22] = [
     ("SubscriberOptions", "beo_subscriber_options"),
     ("ProducerOptions", "beo_producer_options"),
     ("CompletionView", "beo_completion_view"),
+    ("CameraIntrinsics", "beo_intrinsics"),
+    ("DepthFrame", "beo_depth_frame"),
+    ("DepthSensor", "beo_sensor_model"),
+    ("CameraOptions", "beo_camera_options"),
+    ("SupportPlane", "beo_plane"),
+    ("PlacedGrid", "beo_grid"),
     ("ObservationHeader", "beo_observation_header"),
     ("Hypothesis", "beo_hypothesis"),
     ("Percept", "beo_percept"),
@@ -33,7 +39,7 @@ const NAMES: [(&str, &str); 22] = [
 /// Enums that no function mentions: the messages carry their numbers.
 const CODES: [&str; 8] = ["PerceptStatus", "PoseSearch", "CompletionFrame", "Outside", "View", "ScaleSearch", "Method", "DaemonState"];
 
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 9] = [
     "ipc/src/codes.rs",
     "ipc/src/messages.rs",
     "ipc/c/src/outcome.rs",
@@ -42,6 +48,7 @@ const SOURCES: [&str; 8] = [
     "ipc/c/src/subscriber.rs",
     "ipc/c/src/completion.rs",
     "ipc/c/src/producer.rs",
+    "ipc/c/src/camera.rs",
 ];
 
 const OPENING: &str = "\
@@ -88,6 +95,10 @@ const INITIALISERS: &str = "
 #define BEO_SUBSCRIBER_OPTIONS_INIT { sizeof(beo_subscriber_options), 0, 0, 0 }
 /** Options to start from: `beo_producer_options options = BEO_PRODUCER_OPTIONS_INIT;` */
 #define BEO_PRODUCER_OPTIONS_INIT { sizeof(beo_producer_options), 0 }
+/** Options to start from: `beo_camera_options options = BEO_CAMERA_OPTIONS_INIT;` */
+#define BEO_CAMERA_OPTIONS_INIT { sizeof(beo_camera_options), 0, { 0.001, 0.0019, 2.0 }, { 0, 0, 0 }, 2.0 / 3.0, 0, 40, 0 }
+/** Zeroes `frame` and sets its size: a statement. */
+#define BEO_DEPTH_FRAME_INIT(frame) (memset(&(frame), 0, sizeof(beo_depth_frame)), (frame).size = (uint32_t)sizeof(beo_depth_frame))
 /** Zeroes `view` and sets its size: a statement. */
 #define BEO_COMPLETION_VIEW_INIT(view) (memset(&(view), 0, sizeof(beo_completion_view)), (view).size = (uint32_t)sizeof(beo_completion_view))
 ";
@@ -118,6 +129,9 @@ fn check_constants() {
     defined("BEO_TASK_POSE", tasks::POSE.into());
     defined("BEO_TASK_COMPLETION", tasks::COMPLETION.into());
     assert_eq!(tasks::ALL, 7, "a new task needs its constant");
+    let (sensor, placement) = (beo_camera::SensorModel::default(), beo_camera::Placement::default());
+    assert_eq!([sensor.constant_m, sensor.quadratic_per_m, sensor.deviations], [0.001, 0.0019, 2.0], "BEO_CAMERA_OPTIONS_INIT");
+    assert_eq!((placement.share, placement.known_side_m, placement.least_readings), (2.0 / 3.0, None, 40), "BEO_CAMERA_OPTIONS_INIT");
     defined("BEO_MAX_CLASSES", limits::MAX_CLASSES as u64);
     defined("BEO_MAX_HYPOTHESES", limits::MAX_HYPOTHESES as u64);
     defined("BEO_NAME_LEN", limits::NAME_LEN as u64);
@@ -186,6 +200,41 @@ fn assertions() -> String {
                 ("header", "8 + 3 * sizeof(void *)"),
             ],
         ),
+        (
+            "beo_intrinsics",
+            "80",
+            &[("width", "0"), ("height", "4"), ("fx", "8"), ("fy", "16"), ("cx", "24"), ("cy", "32"), ("distortion", "40")],
+        ),
+        (
+            "beo_depth_frame",
+            "88 + 4 * sizeof(void *)",
+            &[
+                ("size", "0"),
+                ("reserved", "4"),
+                ("intrinsics", "8"),
+                ("depth_m", "88"),
+                ("depth_count", "88 + sizeof(void *)"),
+                ("labels", "88 + 2 * sizeof(void *)"),
+                ("label_count", "88 + 3 * sizeof(void *)"),
+            ],
+        ),
+        ("beo_sensor_model", "24", &[("constant_m", "0"), ("quadratic_per_m", "8"), ("deviations", "16")]),
+        (
+            "beo_camera_options",
+            "80",
+            &[
+                ("size", "0"),
+                ("support_label", "4"),
+                ("sensor", "8"),
+                ("up", "32"),
+                ("share", "56"),
+                ("known_side_m", "64"),
+                ("least_readings", "72"),
+                ("reserved", "76"),
+            ],
+        ),
+        ("beo_plane", "32", &[("normal", "0"), ("offset_m", "24")]),
+        ("beo_grid", "80", &[("dims", "0"), ("reserved", "12"), ("voxel_size_m", "16"), ("position_m", "24"), ("orientation", "48")]),
     ] {
         assert(format!("sizeof({c}) == {size}"));
         for (field, offset) in fields {

@@ -1,0 +1,95 @@
+//! What cameras see, from shapes to figures: `beo generate`, `train --views camera`, `eval --view camera`.
+
+use crate::harness::{run, text};
+use serde_json::Value;
+use std::path::Path;
+
+fn train(folder: &Path, out: &Path, threads: &str) {
+    let arguments = ["train", "--resolution", "16", "--least", "5", "--most", "20", "--views", "camera", "--elevations", "35"];
+    let output = run(arguments.iter().map(std::ffi::OsStr::new).chain([
+        "--threads".as_ref(),
+        threads.as_ref(),
+        "--out".as_ref(),
+        out.as_os_str(),
+        folder.as_os_str(),
+    ]));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+#[test]
+fn cameras_are_learned_whatever_the_threads_and_evaluated_by_elevation_and_views() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let shapes = at("shapes");
+    let made = run([
+        "generate".as_ref(),
+        "furniture".as_ref(),
+        "--count".as_ref(),
+        "12".as_ref(),
+        "--test".as_ref(),
+        "2".as_ref(),
+        "--resolution".as_ref(),
+        "16".as_ref(),
+        "--out".as_ref(),
+        shapes.as_os_str(),
+    ]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    train(&shapes, &at("one.safetensors"), "1");
+    train(&shapes, &at("two.safetensors"), "2");
+    assert!(std::fs::read(at("one.safetensors")).unwrap() == std::fs::read(at("two.safetensors")).unwrap(), "the models differ");
+
+    let model = at("one.safetensors");
+    let evaluate = |more: &[&str]| -> Value {
+        let json = at("eval.json");
+        let pictures = at("pictures");
+        let mut arguments =
+            vec!["eval".as_ref(), shapes.as_os_str(), "--split".as_ref(), "test".as_ref(), "--view".as_ref(), "camera".as_ref()];
+        arguments.extend([
+            "--model".as_ref(),
+            model.as_os_str(),
+            "--json".as_ref(),
+            json.as_os_str(),
+            "--png".as_ref(),
+            pictures.as_os_str(),
+        ]);
+        arguments.extend(more.iter().map(std::ffi::OsStr::new));
+        let output = run(arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap()
+    };
+    let found = evaluate(&["--pose", "yaw", "--find-size", "--azimuths", "2"]);
+    assert_eq!((&found["view"], &found["elevation_deg"], &found["queries"]), (&"camera".into(), &30.0.into(), &40.into()));
+    let number = |value: &Value| value.as_f64().unwrap();
+    assert!(number(&found["accuracy"]) > 0.4, "{}", found["accuracy"]);
+    assert!(
+        number(&found["placement"]["centre_median"]) < 0.1 && number(&found["placement"]["size_median"]) < 0.15,
+        "{}",
+        found["placement"]
+    );
+
+    let by_elevation = evaluate(&["--elevation", "25,45", "--azimuths", "1"]);
+    assert_eq!(by_elevation.as_array().map(Vec::len), Some(2));
+    assert!(at("pictures/elevation.png").exists());
+    // More views of the same objects hide less.
+    let by_views = evaluate(&["--method", "evidence", "--azimuths", "1", "--fuse", "1,4"]);
+    let iou = |views: usize| number(&by_views[views]["completion"]["iou_all"]);
+    assert!(iou(1) > iou(0), "{} {}", iou(0), iou(1));
+    assert!(at("pictures/views.png").exists());
+}
+
+#[test]
+fn wrong_viewpoints_are_wrong_usage() {
+    for (arguments, word) in [
+        (&["--view", "camera", "--elevation", "95"][..], "--elevation"),
+        (&["--view", "camera", "--azimuths", "0"], "--azimuths"),
+        (&["--view", "camera", "--fuse", "65"], "--fuse"),
+        (&["--view", "camera", "--distance", "0.5"], "--distance"),
+        (&["--view", "camera", "--pose", "full", "--find-size"], "--find-size"),
+    ] {
+        let output = run(["eval", "nowhere", "--model", "none", "--split", "test"].iter().chain(arguments));
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(word), "{}", text(&output.stderr));
+    }
+    let output = run(["train", "nowhere", "--out", "/nonexistent/m", "--views", "camera", "--elevations", "99"]);
+    assert_eq!(output.status.code(), Some(2));
+}
