@@ -278,24 +278,20 @@ mod tests {
         let ink = count(&plain, Colour::INK);
         assert!(count(&drawn(|p| p.origin = Some(([-50.0, 0.0, 20.0], "camera".into()))), Colour::INK) > ink + 40);
         for nowhere in [[0.0; 3], [f64::NAN; 3], [f64::INFINITY, 0.0, 0.0]] {
-            assert_eq!(drawn(|p| p.origin = Some((nowhere, "camera".into()))), plain);
+            assert!(drawn(|p| p.origin = Some((nowhere, "camera".into()))) == plain, "{nowhere:?}");
         }
     }
 
     #[test]
     fn what_a_camera_behind_the_object_saw_is_drawn_from_there() {
         let from = |at: [f64; 3]| drawn(|p| p.origin = Some((at, "camera".into())));
-        let view = |image: &Image, x: usize| -> Vec<[u8; 3]> {
-            let rows = 80..GAP + SIDE;
-            rows.flat_map(|y| (x..x + SIDE - 60).map(move |x| (x, y))).map(|(x, y)| image.pixel(x, y)).collect()
-        };
-        // Third and fourth picture change places; the second is of the completion, as the fourth is.
         let (front, behind) = (from([-50.0, -9.0, 20.0]), from([50.0, 9.0, 20.0]));
         let second = 2 * GAP + SIDE;
-        assert_ne!(view(&front, second), view(&behind, second));
+        // The middle column of the second picture and of the fourth below it: the completion from both sides.
         let place = |image: &Image, row: usize| (0..SIDE - 40).map(|y| image.pixel(second + SIDE / 2, row + y)).collect::<Vec<_>>();
         let (top, step) = (2 * GAP + TextSize::Large.height(), SIDE + TextSize::Small.height() + 8 + GAP);
-        assert_eq!(place(&behind, top), place(&front, top + step), "the other side, from the other side, is the front");
+        assert_eq!(place(&behind, top), place(&front, top + step));
+        assert_ne!(place(&behind, top), place(&front, top));
     }
 
     #[test]
