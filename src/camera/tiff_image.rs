@@ -1,4 +1,6 @@
 //! TIFF images of one channel: floating-point metres, whole numbers of units, labels.
+//!
+//! The directory is checked before the decoder sees it: it takes memory for as many values as an entry claims.
 
 use super::image::{MOST_PIXELS, check_size, problem};
 use super::{Image, Raster};
@@ -15,10 +17,10 @@ const FORMAT: &str = "TIFF";
 /// [`FormatError`]: what is no TIFF, damaged, larger than [`MOST_PIXELS`], compressed in another way or has colours.
 pub fn parse_tiff_image(bytes: &[u8]) -> Result<Raster, FormatError> {
     let error = |error: tiff::TiffError| problem(FORMAT, error.to_string());
+    check_directory(bytes).map_err(|text| problem(FORMAT, text.into()))?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = 8 * MOST_PIXELS;
     limits.intermediate_buffer_size = 4 * bytes.len() + (1 << 20);
-    limits.ifd_value_size = bytes.len();
     let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(error)?.with_limits(limits);
     let (width, height) = decoder.dimensions().map_err(error)?;
     let bits = match decoder.colortype().map_err(error)? {
@@ -34,6 +36,46 @@ pub fn parse_tiff_image(bytes: &[u8]) -> Result<Raster, FormatError> {
         _ => return Err(problem(FORMAT, "expected floating-point numbers, or whole numbers of 8 or 16 bits without sign".into())),
     };
     raster.ok_or_else(|| problem(FORMAT, "fewer pixels than its header says".into()))
+}
+
+/// Refuses a first directory with an entry that has more values than the file has room for.
+fn check_directory(bytes: &[u8]) -> Result<(), &'static str> {
+    const TRUNCATED: &str = "the file is truncated";
+    let is_little = match bytes {
+        [b'I', b'I', ..] => true,
+        [b'M', b'M', ..] => false,
+        _ => return Err("does not start as a TIFF does"),
+    };
+    let number = |at: u64, length: u64| -> Result<u64, &'static str> {
+        let (start, end) = (usize::try_from(at), usize::try_from(at.saturating_add(length)));
+        let digits = start.ok().zip(end.ok()).and_then(|(start, end)| bytes.get(start..end)).ok_or(TRUNCATED)?;
+        let add = |sum: u64, digit: &u8| sum << 8 | u64::from(*digit);
+        Ok(if is_little { digits.iter().rev().fold(0, add) } else { digits.iter().fold(0, add) })
+    };
+    // Lengths of an offset, of the number of entries, and of an entry.
+    let (offset, entries, entry) = match number(2, 2)? {
+        42 => (4, 2, 12),
+        43 => (8, 8, 20),
+        _ => return Err("neither a TIFF nor a BigTIFF"),
+    };
+    let directory = number(offset, offset)?;
+    let count = number(directory, entries)?;
+    if count > bytes.len() as u64 / entry {
+        return Err(TRUNCATED);
+    }
+    for index in 0..count {
+        let at = directory.saturating_add(entries + index * entry);
+        let width = match number(at + 2, 2)? {
+            3 | 8 => 2,
+            4 | 9 | 11 | 13 => 4,
+            5 | 10 | 12 | 16..=18 => 8,
+            _ => 1,
+        };
+        if number(at + 4, offset)?.saturating_mul(width) > bytes.len() as u64 {
+            return Err("an entry of its directory has more values than the file has room for");
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -58,6 +100,9 @@ mod tests {
             let file = tiff::<colortype::Gray32Float>(compression, 3, 2, &metres);
             assert_eq!(parse_tiff_image(&file).unwrap(), Raster::Floats(Image::new(3, 2, metres.to_vec()).unwrap()));
         }
+        let mut big = Cursor::new(Vec::new());
+        TiffEncoder::new_big(&mut big).unwrap().write_image::<colortype::Gray32Float>(3, 2, &metres).unwrap();
+        assert_eq!(parse_tiff_image(&big.into_inner()).unwrap(), Raster::Floats(Image::new(3, 2, metres.to_vec()).unwrap()));
         let file = tiff::<colortype::Gray64Float>(Compression::Lzw, 2, 1, &[0.5, 2.0]);
         assert_eq!(parse_tiff_image(&file).unwrap().into_depth(0.001).unwrap().values(), [0.5, 2.0]);
         let file = tiff::<colortype::Gray16>(Compression::Lzw, 2, 1, &[500, 2000]);
@@ -74,5 +119,13 @@ mod tests {
         assert!(message(b"MM").starts_with("TIFF: "));
         let good = tiff::<colortype::Gray32Float>(Compression::Lzw, 16, 16, &[0.5; 256]);
         assert!((0..good.len()).all(|length| parse_tiff_image(&good[..length]).is_err()));
+        // Found by fuzzing: memory was taken for as many values as an entry claimed, whatever the file's size.
+        let directory = u32::from_le_bytes(good[4..8].try_into().unwrap()) as usize;
+        for entry in 0..usize::from(u16::from_le_bytes(good[directory..directory + 2].try_into().unwrap())) {
+            let mut bad = good.clone();
+            let count = directory + 2 + 12 * entry + 4;
+            bad[count..count + 4].copy_from_slice(&0x7fff_0000_u32.to_le_bytes());
+            assert!(message(&bad).contains("more values than the file has room for"));
+        }
     }
 }

@@ -7,7 +7,7 @@ use crate::Frame;
 pub struct Segments {
     /// Of each label up to the largest: whether it has a pixel at all, with a reading or without.
     present: Vec<bool>,
-    /// Label `l` has the pixels from `starts[l]` to `starts[l + 1]`.
+    /// Label `l` has the pixels from `starts[l]` to `starts[l + 1] - 1`: one place more than it has readings.
     starts: Vec<u32>,
     pixels: Vec<u32>,
 }
@@ -15,33 +15,35 @@ pub struct Segments {
 impl Segments {
     /// Of all labels of a frame.
     pub fn new(frame: &Frame<'_>) -> Self {
-        let labels = frame.labels();
-        let readings = || labels.iter().zip(frame.depths()).map(|(label, depth)| (usize::from(*label), Frame::is_reading(*depth)));
+        let (labels, depths) = (frame.labels(), frame.depths());
         let size = usize::from(labels.iter().copied().max().unwrap_or(0)) + 1;
         let mut present = vec![false; size];
         let mut starts = vec![0; size + 1];
-        // Neighbours mostly have the same label: it is counted in a register until it changes.
-        let (mut last, mut count) = (0, 0);
-        for (label, is_reading) in readings() {
-            if label != last {
-                starts[last + 1] += count;
-                (last, count) = (label, 0);
-                present[label] = true;
-            }
-            count += u32::from(is_reading);
+        // Neighbours mostly have the same label.
+        let mut runs: Vec<(u16, u32)> = Vec::new();
+        let mut start = 0;
+        while let Some(label) = labels.get(start).copied() {
+            let end = start + labels[start..].iter().take_while(|other| **other == label).count();
+            let readings = depths[start..end].iter().map(|depth| u32::from(Frame::is_reading(*depth))).sum::<u32>();
+            present[usize::from(label)] = true;
+            starts[usize::from(label) + 1] += readings;
+            runs.push((label, end as u32));
+            start = end;
         }
-        starts[last + 1] += count;
-        present[usize::from(labels[0])] = true;
         for label in 0..size {
-            starts[label + 1] += starts[label];
+            starts[label + 1] += starts[label] + 1;
         }
         let mut ends = starts.clone();
+        // What is no reading is written too, and then written over, at last in the place more: no branch depends on the depth.
         let mut pixels = vec![0; starts[size] as usize];
-        for (pixel, (label, is_reading)) in readings().enumerate() {
-            if is_reading {
-                pixels[ends[label] as usize] = pixel as u32;
-                ends[label] += 1;
+        let mut start = 0;
+        for (label, stop) in runs {
+            let end = &mut ends[usize::from(label)];
+            for pixel in start..stop {
+                pixels[*end as usize] = pixel;
+                *end += u32::from(Frame::is_reading(depths[pixel as usize]));
             }
+            start = stop;
         }
         Self { present, starts, pixels }
     }
@@ -52,7 +54,7 @@ impl Segments {
         if label + 1 >= self.starts.len() {
             return &[];
         }
-        &self.pixels[self.starts[label] as usize..self.starts[label + 1] as usize]
+        &self.pixels[self.starts[label] as usize..self.starts[label + 1] as usize - 1]
     }
 
     /// Labels of objects that have a pixel, even if none with a reading: ascending, without 0 and without `support`.

@@ -228,4 +228,19 @@ mod tests {
         search.label = Some(9);
         assert_eq!(fit_support(&frame, &search), None);
     }
+
+    #[test]
+    fn a_plane_that_cannot_win_is_given_up_and_no_other() {
+        // 1700 points of which every third lies on the plane z = 1, those at the end more often than those at the start.
+        let on = |i: usize| i.is_multiple_of(3) || i > 1200;
+        let z: Vec<f64> = (0..1700).map(|i| if on(i) { 1.0 } else { 1.5 }).collect();
+        let readings = Readings { x: vec![0.1; 1700], y: vec![0.2; 1700], z, reach: vec![0.01; 1700] };
+        let plane = Plane::new(-Vector3::z_axis(), &Point3::new(0.0, 0.0, 1.0));
+        let count = (0..1700).filter(|i| on(*i)).count();
+        assert_eq!(readings.near(&plane).len(), count);
+        assert_eq!(readings.more_near(&plane, None), Some(count));
+        for most in 0..1700 {
+            assert_eq!(readings.more_near(&plane, Some(most)), (count > most).then_some(count), "{most}");
+        }
+    }
 }
