@@ -95,7 +95,7 @@ void run(const std::string &instance, unsigned long count, std::uint32_t side) {
             continue; // The daemon is away, say: this frame is left out.
         }
         beo::carve(view, OBJECT, &*table, grid.value(), loan.value().voxels(), options).value();
-        beo::ObservationHeader header = beo::observation_header(grid.value(), options).value();
+        beo::ObservationHeader header = beo::observation_header_of_grid(grid.value(), options).value();
         header.object_id = OBJECT;
         header.capture_ns = frame.captured_ns;
         const std::uint64_t sequence = std::move(*loan).commit(header).value();

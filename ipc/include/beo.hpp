@@ -469,7 +469,7 @@ inline Result<void> carve(const DepthFrame &frame, std::uint16_t object, const P
 }
 
 // The header of a grid that was carved from a camera's frame: see beo_observation_header_of_grid.
-inline Result<ObservationHeader> observation_header(const Grid &grid, const CameraOptions &options = camera_options()) {
+inline Result<ObservationHeader> observation_header_of_grid(const Grid &grid, const CameraOptions &options = camera_options()) {
     ObservationHeader header;
     const Status status = beo_observation_header_of_grid(&grid, &options, &header);
     return status == BEO_STATUS_OK ? Result<ObservationHeader>(header) : Result<ObservationHeader>(status);

@@ -110,12 +110,12 @@ mod tests {
     use super::*;
     use beo_camera::Intrinsics;
 
-    /// A camera that looks straight down on a table at 0.8 m, with a block of label 1 that is 0.1 m high, seen in 20 × 20 pixels, three
+    /// A camera that looks straight down on a table at 0.8 m, with a slab of label 1 that is 0.01 m high, seen in 20 × 20 pixels, three
     /// pixels of label 2, and label 9 on the table.
     fn images() -> (Intrinsics, Vec<f32>, Vec<u16>) {
         let camera = Intrinsics::new(80, 60, [70.0; 2], [39.5, 29.5], [0.0; 5]).unwrap();
         let inside = |pixel: usize| (30..50).contains(&(pixel % 80)) && (20..40).contains(&(pixel / 80));
-        let depth = (0..4800).map(|pixel| if inside(pixel) { 0.7 } else { 0.8 }).collect();
+        let depth = (0..4800).map(|pixel| if inside(pixel) { 0.79 } else { 0.8 }).collect();
         let labels = (0..4800).map(|pixel| if inside(pixel) { 1 } else { u16::from(pixel < 3) * 2 }).collect();
         (camera, depth, labels)
     }
@@ -131,10 +131,10 @@ mod tests {
         assert!((laid.support.unwrap().height(&nalgebra::Point3::origin()) - 0.8).abs() < 1e-6);
         let [block, few] = &laid.objects[..] else { panic!("{:?}", laid.objects) };
         assert_eq!((block.object, few.object), (1, 2));
-        // Between 0.7 and 0.8 m, as wide as 19 pixels at 0.7 m: 0.19 m, of which the grid is 3/2.
+        // Between 0.79 and 0.8 m, as wide as 19 pixels at 0.79 m, of which the grid is 3/2.
         let grid = block.carver.as_ref().unwrap().grid;
-        assert!((grid.grid_to_camera().translation.vector - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6);
-        assert!((grid.voxel_size_m() - 0.19 * 1.5 / 16.0).abs() < 1e-6);
+        assert!((grid.grid_to_camera().translation.vector - Vector3::new(0.0, 0.0, 0.795)).norm() < 1e-6);
+        assert!((grid.voxel_size_m() - 0.79 * 19.0 / 70.0 * 1.5 / 16.0).abs() < 1e-6);
         assert!(matches!(few.carver, Err(NoGrid::NoPlace(PlacementError::TooFew { object: 2, found: 3, least: 40 }))));
     }
 

@@ -98,15 +98,18 @@ impl Regressed {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     /// Many samples of a linear relation: δ = 2 + 3 z₀ − z₁ + noise of deviation 0.1.
     #[test]
     fn a_linear_relation_is_found_with_what_remains() {
-        let noise = |i: usize, k: usize| ((i * 7919 + k * 104_729) % 1009) as f64 / 1009.0 - 0.5;
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut noise = || rng.random_range(-0.5..0.5);
         let n = 5000;
-        let z = Mat::<f32>::from_fn(n, 2, |i, j| noise(i, j + 1) as f32);
+        let z = Mat::<f32>::from_fn(n, 2, |_, _| noise() as f32);
         let delta =
-            Mat::<f64>::from_fn(n, 1, |i, _| 2.0 + 3.0 * f64::from(z[(i, 0)]) - f64::from(z[(i, 1)]) + 0.1 * 12.0_f64.sqrt() * noise(i, 9));
+            Mat::<f64>::from_fn(n, 1, |i, _| 2.0 + 3.0 * f64::from(z[(i, 0)]) - f64::from(z[(i, 1)]) + 0.1 * 12.0_f64.sqrt() * noise());
         let moments = Moments::new(z.as_ref(), delta, 0.0);
         let found = &regressed(&[&moments]).unwrap()[0];
         assert!((found.regression[(0, 0)] - 3.0).abs() < 0.1 && (found.regression[(0, 1)] + 1.0).abs() < 0.1);

@@ -29,6 +29,9 @@ const HOPELESS: f64 = 3.0;
 /// Classes whose modes are refined: at least so likely by the view's densities, and at most so many.
 const LEAST_LIKELY: f64 = 0.05;
 const MOST_LIKELY: usize = 3;
+/// Deviations of size and place that are answered are those of the densities and of the search, times this: of made-up household things
+/// that were not trained on, about 45 % of the errors were within one deviation without it.
+const WIDER: f64 = 1.8;
 /// What is visible is this share of the longest side, and the place of the centre that far from that of what is visible (units), where no
 /// density says it.
 const VISIBLE: f64 = 0.92;
@@ -281,12 +284,12 @@ impl Perceiver {
         let grew = (log_scale - cell.offsets[1]).exp() * frame.unit;
         // Deviations along the frame's axes, along the grid's.
         let (sin, cos) = frame.azimuth.sin_cos();
-        let [dx, dy, dz] = [best.deviations[2], best.deviations[3], best.deviations[4]].map(|d| d * frame.unit);
+        let [dx, dy, dz] = [best.deviations[2], best.deviations[3], best.deviations[4]].map(|d| WIDER * d * frame.unit);
         let mixed = |a: f64, b: f64| ((a * dx).powi(2) + (b * dy).powi(2)).sqrt();
         let searched = query.scale != ScaleSearch::Known;
         percept.lay = Some(Lay {
             extent: std::array::from_fn(|axis| (cell.offsets[5 + axis] * grew).max(0.0)),
-            extent_deviation: std::array::from_fn(|axis| cell.deviations[5 + axis] * frame.unit),
+            extent_deviation: std::array::from_fn(|axis| WIDER * cell.deviations[5 + axis] * frame.unit),
             position_deviation: if searched { [mixed(cos, sin), mixed(sin, cos), dz] } else { [0.0; 3] },
         });
     }
@@ -442,7 +445,8 @@ mod tests {
         let cell = Cell { class: 0, step: 6, score: 0.0, offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0], deviations: [0.5; OFFSETS] };
         let free = start(&cell, &Told::default());
         assert!((free.expected[0] - (CameraDensities::yaw(6) + 0.1)).abs() < 1e-12);
-        assert_eq!((free.expected[1..].to_vec(), free.deviations), (vec![-0.2, 1.0, 2.0, 3.0], [0.5; 5]));
+        let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(same(&free.expected[1..], &[-0.2, 1.0, 2.0, 3.0]) && free.deviations == [0.5; 5]);
         let told = Told { yaw: Some(1.0), scale: Some(1.0), place: None };
         let some = start(&cell, &told);
         assert_eq!((some.expected, some.deviations), ([1.0, 0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.5, 0.5, 0.5]));
@@ -452,6 +456,6 @@ mod tests {
     fn a_known_yaw_is_the_only_step() {
         assert_eq!(steps(&Told { yaw: Some(0.7), ..Told::default() }), [0.7]);
         assert_eq!(steps(&Told::default()).len(), YAWS);
-        assert_eq!(yaw_of(&yaw(steps(&Told::default())[7])), CameraDensities::yaw(7));
+        assert!((yaw_of(&yaw(steps(&Told::default())[7])) - CameraDensities::yaw(7)).abs() < 1e-12);
     }
 }

@@ -39,7 +39,8 @@ fn learn(camera_elevations_deg: Vec<f64>) -> Perceiver {
         skipped: Vec::new(),
         shared: Vec::new(),
     };
-    let options = TrainOptions { basis_range: [5, 20], camera_elevations_deg, ..TrainOptions::default() };
+    let longest_side = crate::shapes::longest_side(dims());
+    let options = TrainOptions { basis_range: [5, 20], camera_elevations_deg, longest_side, ..TrainOptions::default() };
     let model = train(&shapes, &options, &|_| ()).expect("shapes that can be learned");
     Perceiver::new(Arc::new(model)).expect("a usable model")
 }
