@@ -101,7 +101,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Many samples of a linear relation: δ = 2 + 3 z₀ − z₁ + noise of deviation 0.1.
+    /// Many samples of a linear relation: δ = 2 + 3 z₀ − z₁ + noise of deviation 0.5.
     #[test]
     fn a_linear_relation_is_found_with_what_remains() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
@@ -109,13 +109,13 @@ mod tests {
         let n = 5000;
         let z = Mat::<f32>::from_fn(n, 2, |_, _| noise() as f32);
         let delta =
-            Mat::<f64>::from_fn(n, 1, |i, _| 2.0 + 3.0 * f64::from(z[(i, 0)]) - f64::from(z[(i, 1)]) + 0.1 * 12.0_f64.sqrt() * noise());
+            Mat::<f64>::from_fn(n, 1, |i, _| 2.0 + 3.0 * f64::from(z[(i, 0)]) - f64::from(z[(i, 1)]) + 0.5 * 12.0_f64.sqrt() * noise());
         let moments = Moments::new(z.as_ref(), delta, 0.0);
         let found = &regressed(&[&moments]).unwrap()[0];
         assert!((found.regression[(0, 0)] - 3.0).abs() < 0.1 && (found.regression[(0, 1)] + 1.0).abs() < 0.1);
         let at_origin = found.offset_mean[0] - found.regression[(0, 0)] * found.mean[0] - found.regression[(0, 1)] * found.mean[1];
         assert!((at_origin - 2.0).abs() < 0.02);
         // Shrinkage leaves a little more than the noise.
-        assert!((found.remaining[0].sqrt() - 0.1).abs() < 0.03, "{}", found.remaining[0].sqrt());
+        assert!((found.remaining[0].sqrt() - 0.5).abs() < 0.03, "{}", found.remaining[0].sqrt());
     }
 }
