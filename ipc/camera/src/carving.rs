@@ -18,6 +18,9 @@ pub const FILLED: u8 = 1;
 /// Voxel code: not seen.
 pub const UNKNOWN: u8 = 255;
 
+/// Most voxels along a side.
+const LONGEST_SIDE: usize = 256;
+
 /// Where a grid lies: its size, and its frame (origin at the centre, axes along the indices) in the camera's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
@@ -51,7 +54,7 @@ pub enum GridError {
 impl Grid {
     /// A grid of `dims` voxels with edges of `voxel_size_m` metres; `grid_to_camera` takes its frame to the camera's.
     pub fn new(dims: [usize; 3], voxel_size_m: f64, grid_to_camera: Isometry3<f64>) -> Result<Self, GridError> {
-        if dims.iter().any(|side| !(8..=256).contains(side)) {
+        if dims.iter().any(|side| !(8..=LONGEST_SIDE).contains(side)) {
             return Err(GridError::Dims(dims));
         }
         if !(voxel_size_m.is_finite() && voxel_size_m > 0.0) {
@@ -134,21 +137,25 @@ impl Carver<'_> {
         let up: Vector3<f64> = grid.grid_to_camera * Vector3::z() * grid.voxel_size_m;
         // Half of what a voxel measures along the optical axis.
         let thinnest = 0.5 * grid.voxel_size_m * grid.grid_to_camera.inverse_transform_vector(&Vector3::z()).abs().sum();
+        // Projected column by column, so that the divisions are done several at a time.
+        let mut at = [[f64::NAN; 2]; LONGEST_SIDE];
         for (j, column) in layer.chunks_exact_mut(nz).enumerate() {
             let bottom = grid.centre([i, j, 0]);
             let (height, rise) = self.support.map_or((f64::INFINITY, 0.0), |plane| (plane.height(&bottom), plane.normal().dot(&up)));
-            for (k, code) in column.iter_mut().enumerate() {
-                let seen = self.code(&(bottom + up * k as f64), thinnest);
+            self.frame.intrinsics().project_line(&bottom, &up, &mut at[..nz]);
+            for (k, (code, at)) in column.iter_mut().zip(at).enumerate() {
+                let seen = self.code(at, bottom.z + up.z * k as f64, thinnest);
                 *code = if seen != FILLED && height + rise * (k as f64) < 0.0 { EMPTY } else { seen };
             }
         }
     }
 
+    /// The code of a voxel that is seen at `at` (not a number: nowhere), `z` metres along the optical axis.
     #[inline]
-    fn code(&self, point: &Point3<f64>, thinnest: f64) -> u8 {
-        let Some(pixel) = self.frame.intrinsics().project(point).and_then(|at| self.frame.intrinsics().pixel(at)) else { return UNKNOWN };
+    fn code(&self, at: [f64; 2], z: f64, thinnest: f64) -> u8 {
+        let Some(pixel) = self.frame.intrinsics().pixel(at) else { return UNKNOWN };
         let Some(depth) = self.frame.depth(pixel) else { return UNKNOWN };
-        let (behind, band) = (point.z - depth, self.sensor.half_band(depth).max(thinnest));
+        let (behind, band) = (z - depth, self.sensor.half_band(depth).max(thinnest));
         if behind < -band {
             EMPTY
         } else if behind <= band && self.frame.label(pixel) == self.object {

@@ -99,6 +99,22 @@ impl Intrinsics {
         Some([self.focal[0] * x + self.centre[0], self.focal[1] * y + self.centre[1]])
     }
 
+    /// [`Self::project`] of the points `start`, `start + step`, `start + 2 step`, …; not a number where that is `None`.
+    pub(crate) fn project_line(&self, start: &Point3<f64>, step: &Vector3<f64>, seen: &mut [[f64; 2]]) {
+        let point = |i: usize| start + step * i as f64;
+        if self.is_distorted() {
+            for (i, at) in seen.iter_mut().enumerate() {
+                *at = self.project(&point(i)).unwrap_or([f64::NAN; 2]);
+            }
+            return;
+        }
+        for (i, at) in seen.iter_mut().enumerate() {
+            let point = point(i);
+            let z = if point.z > 0.0 { point.z } else { f64::NAN };
+            *at = [self.focal[0] * (point.x / z) + self.centre[0], self.focal[1] * (point.y / z) + self.centre[1]];
+        }
+    }
+
     /// Index of the pixel that u, v lie in; `None` outside of the image.
     #[inline]
     pub fn pixel(&self, [u, v]: [f64; 2]) -> Option<usize> {
@@ -194,6 +210,22 @@ mod tests {
         assert!(camera.project(&Point3::new(1.04, 0.0, 1.0)).is_some());
         assert!(camera.project(&Point3::new(1.07, 0.0, 1.0)).is_none());
         assert!(camera.project(&Point3::new(0.0, 0.0, -1.0)).is_none());
+    }
+
+    #[test]
+    fn the_points_of_a_line_are_projected_as_each_alone() {
+        for camera in [kinect([0.0; 5]), kinect([-0.3, 0.01, 0.002, -0.001, 0.0])] {
+            // From behind the camera to far aside.
+            let (start, step) = (Point3::new(-0.4, 0.3, -0.1), Vector3::new(0.013, -0.007, 0.011));
+            let mut seen = [[7.0; 2]; 60];
+            camera.project_line(&start, &step, &mut seen);
+            for (i, at) in seen.into_iter().enumerate() {
+                let alone = camera.project(&(start + step * i as f64));
+                assert_eq!(Some(at).filter(|at| !at[0].is_nan()), alone, "{i}");
+                assert!(alone.is_some() || at[1].is_nan());
+            }
+            assert!(seen[0][0].is_nan() && !seen[59][0].is_nan());
+        }
     }
 
     proptest! {
