@@ -13,19 +13,18 @@ use std::time::{Duration, Instant};
 const COUNT: usize = 3;
 
 #[test]
-fn every_frame_of_every_depth_camera_has_its_percept() {
+fn every_depth_camera_is_answered() {
     for examples in Examples::all() {
         let name = instance();
         let _daemon = serve(&name);
         let listener = (examples.start)("listen", &[&name, "2"]);
         await_message(&listener, "listening");
-        // Each with a producer of its own: of one stream, a daemon that is busy takes the newest frame alone.
-        for _ in 0..2 {
-            let sent = finish((examples.start)("depth_camera", &[&name, "1", &RESOLUTION.to_string()]));
-            assert_eq!(sent, ["sent observation 1"], "{}", examples.language);
-        }
+        // Of one stream, a daemon that is busy takes the newest frame alone, and what was sent goes with its producer: not every frame
+        // has a percept, but of a second's some have.
+        let sent = finish((examples.start)("depth_camera", &[&name, "40", &RESOLUTION.to_string()]));
+        assert_eq!((sent.len(), sent.last().map(String::as_str)), (40, Some("sent observation 40")), "{}", examples.language);
         for line in finish(listener) {
-            assert!(line.starts_with("#1 ") && line.contains(" %, rotation ("), "{}: {line}", examples.language);
+            assert!(line.starts_with('#') && line.contains(" %, rotation ("), "{}: {line}", examples.language);
         }
     }
 }
