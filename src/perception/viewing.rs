@@ -243,13 +243,13 @@ impl Perceiver {
                 let mut evidence = PlacedEvidence::new(&work.seen, query.outside, self.noise);
                 let class = &self.subspaces[cell.class];
                 let mut conditional = Conditional::new(class.size());
-                let mut of = |at: &super::camera::Parameters| {
+                let start = start(cell, told);
+                let refined = refine(&start, |at| {
                     let placed = frame.placed(at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
                     evidence.place(&placed);
-                    evidence.of(class, placed.scale, &mut conditional)
-                };
-                let refined = refine(&start(cell, told), |at| Ok::<_, LinearError>(weight * of(at)?))?;
-                let log_evidence = of(&refined.parameters)?;
+                    Ok::<_, LinearError>(weight * evidence.of(class, placed.scale, &mut conditional)?)
+                })?;
+                let log_evidence = (refined.value - start.log_density(&refined.parameters)) / weight;
                 Ok(Mode { cell: **cell, value: refined.value + pose_weight * cell.score, refined, log_evidence })
             })
             .collect::<Result<_, LinearError>>()?;

@@ -11,5 +11,5 @@ mod search;
 mod view_frame;
 
 pub(crate) use scores::{CameraScores, Cell, Shadow, Told, ViewWork, wrapped};
-pub(crate) use search::{Parameters, Placement, Refined, refine};
+pub(crate) use search::{Placement, Refined, refine};
 pub(crate) use view_frame::{CELLS, SEEN, ShadowImage, ViewFrame};

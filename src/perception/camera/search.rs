@@ -20,6 +20,16 @@ pub struct Placement {
     pub deviations: Parameters,
 }
 
+impl Placement {
+    /// How well parameters agree with what is expected, up to a constant.
+    pub fn log_density(&self, at: &Parameters) -> f64 {
+        (0..at.len())
+            .filter(|axis| self.deviations[*axis] > 0.0)
+            .map(|axis| -0.5 * ((at[axis] - self.expected[axis]) / self.deviations[axis]).powi(2))
+            .sum()
+    }
+}
+
 /// Where it ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Refined {
@@ -33,13 +43,7 @@ pub struct Refined {
 
 /// Climbs from `start` on the log density `log_likelihood` plus the expectation's own.
 pub fn refine<E>(start: &Placement, mut log_likelihood: impl FnMut(&Parameters) -> Result<f64, E>) -> Result<Refined, E> {
-    let mut value_of = |at: &Parameters| -> Result<f64, E> {
-        let expected: f64 = (0..at.len())
-            .filter(|axis| start.deviations[*axis] > 0.0)
-            .map(|axis| -0.5 * ((at[axis] - start.expected[axis]) / start.deviations[axis]).powi(2))
-            .sum();
-        Ok(log_likelihood(at)? + expected)
-    };
+    let mut value_of = |at: &Parameters| -> Result<f64, E> { Ok(log_likelihood(at)? + start.log_density(at)) };
     let mut best = start.expected;
     let mut value = value_of(&best)?;
     let free = || (0..best.len()).filter(|axis| start.deviations[*axis] > 0.0);
