@@ -184,7 +184,9 @@ fn a_second_recorder_takes_what_was_seen_from_the_completions() {
     let mut second = Running::start(beo(["record", outs[1].to_str().unwrap(), "--instance", &name, "--count", "1"]));
     assert!(second.message().starts_with("warning: another recorder"));
     assert!(second.message().starts_with("recording"));
-    Client::new(&name).ask(|_, voxels| block(voxels));
+    // The producer stays until both are done: a recorder that wakes up late finds nothing of one that has gone.
+    let client = Client::new(&name);
+    client.ask(|_, voxels| block(voxels));
     assert!(first.wait().success() && second.wait().success());
     let [a, b] = outs.map(|out| decoded::<PointCloud>(&messages(&out)["/beo/observation"]));
     assert_eq!((a.len(), &a[0].data), (1, &b[0].data));
