@@ -1,7 +1,7 @@
 //! `beo inspect`: what a model holds, in words and pictures.
 
 use super::failure::{Failure, cannot_write};
-use crate::model::{Blend, ClassModel, Metadata, Model, load, verify};
+use crate::model::{Blend, ClassModel, Metadata, Model, Outline, ViewDensities, load, outline, verify};
 use crate::perception::Perceiver;
 use crate::picture::{Chart, Image, draw_probability, draw_weights, sheet};
 use clap::Args;
@@ -36,9 +36,8 @@ impl Inspect {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
         }
         let model = load(&self.model)?;
-        let bytes = std::fs::metadata(&self.model).map(|m| m.len()).unwrap_or(0);
         say!("{}", self.model.display());
-        say!("{}\n{}\n{}", summary(&model, bytes), classes(&model), calibration(&model.metadata).trim_end());
+        say!("{}\n{}\n{}", summary(&model, &outline(&self.model)?), classes(&model), calibration(&model.metadata).trim_end());
         if self.verify {
             let report = verify(&self.model)?;
             say!("\n{} tensors, {:.1} MB, all as written", report.tensors, report.bytes as f64 / 1e6);
@@ -50,7 +49,8 @@ impl Inspect {
     }
 }
 
-fn summary(model: &Model, file_bytes: u64) -> String {
+fn summary(model: &Model, outline: &Outline) -> String {
+    let file_bytes = outline.file_bytes as usize;
     let (meta, set) = (&model.metadata, &model.metadata.settings);
     let (d, a) = (model.dims().voxels(), model.rank());
     let mb = |bytes: usize| format!("{:.1} MB", bytes as f64 / 1e6);
@@ -62,21 +62,38 @@ fn summary(model: &Model, file_bytes: u64) -> String {
     // Of the symmetric matrices the file holds one half.
     let halves: usize = model.classes.iter().map(|c| 1 + c.hulls.len()).sum::<usize>() * 4 * (a * (a - 1) / 2);
     let halved = parts - halves;
-    let derived = Perceiver::derived_bytes(&model.metadata, model.rank());
-    let densities = &model.view_densities;
-    let turned = 2 * (densities.basis.len() + densities.means.len() + densities.whitening.len() + densities.regression.len());
+    let derived = Perceiver::derived_bytes(outline) + Perceiver::workspace_bytes(outline);
+    let of_turned = |d: &ViewDensities| 2 * (d.basis.len() + d.means.len() + d.whitening.len() + d.regression.len());
+    let turned = model.view_densities.as_ref().map_or(0, of_turned);
+    let smaller: u64 = outline.levels.iter().map(|level| level.file_bytes).sum();
     let shapes: usize = meta.classes.iter().map(|c| c.shapes).sum();
     let views: Vec<&str> = model.views().iter().map(|v| v.name()).collect();
     let licence = if meta.licence.is_empty() { "not stated" } else { &meta.licence };
+    let memory = match &model.footprint {
+        None => format!("about {} when answering queries", mb(2 * d * a + parts + turned + derived)),
+        Some(footprint) => {
+            let share = footprint.voxels.count_ones(..) as f64 / d as f64;
+            format!(
+                "about {} when answering queries, and of the basis what is read: at most {} ({:.1} % of the grid; `--memory` bounds it)",
+                mb(parts + derived + smaller as usize),
+                mb((2.0 * share * (d * a) as f64) as usize),
+                100.0 * share
+            )
+        }
+    };
+    let levels: Vec<String> = model.levels.iter().map(|level| level.dims().to_string()).collect();
     let lines = [
         ("model", format!("{:016x}, format {}, by beo {}", model.id, meta.format_version, meta.beo_version)),
         ("grid", format!("{}, longest side of meshes {} voxels", meta.dims, set.longest_side)),
         ("basis", format!("rank {a} over {d} voxels, noise variance {:.5}", meta.noise_variance)),
         (
             "file",
-            format!("{}: {} basis (mapped), {} classes, {} turned objects", mb(file_bytes as usize), mb(2 * d * a), mb(halved), mb(turned)),
+            match &model.footprint {
+                None => format!("{}: {} basis (mapped), {} classes, {} turned objects", mb(file_bytes), mb(2 * d * a), mb(halved), mb(turned)),
+                Some(_) => format!("{}: {} basis (mapped), {} classes, {} smaller grids", mb(file_bytes), mb(2 * d * a), mb(halved), mb(smaller as usize)),
+            },
         ),
-        ("memory", format!("about {} when answering queries", mb(2 * d * a + parts + turned + derived))),
+        ("memory", memory),
         (
             "training",
             format!("{shapes} shapes in {} classes, splits {}, views {}", meta.classes.len(), set.splits.join(", "), views.join(", ")),
@@ -94,7 +111,8 @@ fn summary(model: &Model, file_bytes: u64) -> String {
         ),
         ("licence", licence.to_owned()),
     ];
-    lines.iter().map(|(name, text)| format!("{name:<9} {text}\n")).collect()
+    let levels = (!levels.is_empty()).then(|| ("poses", format!("searched on {}, refined on the larger", levels.join(" and "))));
+    lines.iter().chain(&levels).map(|(name, text)| format!("{name:<9} {text}\n")).collect()
 }
 
 fn classes(model: &Model) -> String {

@@ -178,6 +178,15 @@ pub fn load(folder: &Path, splits: &[String], options: &LoadOptions) -> Result<S
     Ok(shapes)
 }
 
+/// Files of each class, before any is read.
+pub fn count(folder: &Path, splits: &[String]) -> Result<Vec<usize>, Failure> {
+    let wanted: Vec<&str> = splits.iter().map(String::as_str).collect();
+    let library = library::scan(folder, &wanted)?;
+    let mut counts = vec![0; library.classes.len()];
+    library.files.iter().for_each(|file| counts[file.class] += 1);
+    Ok(counts)
+}
+
 /// The splits among `wanted` that exist, or an error that says what there is.
 pub fn existing_splits(folder: &Path, wanted: &[&str]) -> Result<Vec<String>, Failure> {
     let found = library::splits(folder)?;

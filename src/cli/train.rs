@@ -4,13 +4,15 @@ use super::failure::Failure;
 use super::shapes::{self, MeshArguments, ViewArgument};
 use super::{failure::cannot_write, progress};
 use crate::grid::{Dims, View};
-use crate::learning::{FEWEST_SHAPES, Step, TrainOptions, train};
+use crate::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
 use crate::memory::{self, Available};
-use crate::model::{MOST_COMPONENTS, check_place, save};
-use crate::shapes::library::{LoadOptions, Shapes};
+use crate::model::{MOST_COMPONENTS, check_place, levels_of, save};
+use crate::shapes::library::LoadOptions;
 use clap::Args;
-use std::path::PathBuf;
-use std::time::Instant;
+use half::f16;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Learn a model from a folder of shapes, DIR/<class>/<split>/*
 #[derive(Args)]
@@ -54,24 +56,78 @@ pub struct Train {
     mesh: MeshArguments,
 }
 
-/// Bytes of the smallest basis W' that these shapes can give: every class adds its least number of components, if it has the shapes.
-fn least_basis(shapes: &Shapes, dims: Dims, least: usize) -> u64 {
-    let mut counts = vec![0_usize; shapes.classes.len()];
-    shapes.shapes.iter().for_each(|shape| counts[shape.class] += 1);
-    let rank: usize = counts.iter().map(|count| count.saturating_sub(1).min(least)).sum();
-    (rank * dims.voxels() * size_of::<half::f16>()) as u64
+/// What a training will need at least, known from the number of files before any is read.
+#[derive(Clone, Copy, Debug)]
+struct Need {
+    /// Bytes of the basis W': every class adds its least number of components, if it has the shapes, and its mean.
+    basis: u64,
+    /// Bytes of memory at a time.
+    memory: u64,
 }
 
-/// Training keeps the basis, its prefix sums, and the class bases as floats (twice the size) at a time.
-fn require_memory(basis: u64) -> Result<(), Failure> {
-    let needed = 4 * basis;
-    match memory::available() {
-        Some(Available { bytes, limit }) if bytes < needed => Err(Failure::Failed(format!(
-            "the training needs at least {} MB of memory, {limit} has {} MB left: use a lower --resolution or fewer components (--least, --most)",
-            needed.div_ceil(1_000_000),
-            bytes / 1_000_000
-        ))),
-        _ => Ok(()),
+impl Need {
+    /// For so many shapes of each class.
+    fn new(shapes: &[usize], dims: Dims, least: usize) -> Self {
+        let rank: usize = shapes.iter().map(|count| count.saturating_sub(1).min(least)).sum();
+        let (basis, packed) = (rank * dims.voxels() * size_of::<f16>(), shapes.iter().sum::<usize>() * dims.voxels() / 8);
+        // Read in place, the basis is all there is beside the shapes. Tables for a grid on which poses are searched take the prefix sums, and
+        // the class bases as floats (twice the size) at a time.
+        let memory = if levels_of(dims).is_empty() { 4 * basis } else { basis + basis / 4 } + packed;
+        Self { basis: basis as u64, memory: memory as u64 }
+    }
+
+    /// Fails if there is too little memory, or too little room for the model.
+    fn check(&self, out: &Path, dims: Dims) -> Result<(), Failure> {
+        check_place(out, self.basis)?;
+        let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
+        match memory::available() {
+            Some(Available { bytes, limit }) if bytes < self.memory => Err(Failure::Failed(format!(
+                "training on {dims} needs at least {} MB of memory, {limit} has {} MB left: use a lower --resolution or fewer components (--least, --most)",
+                megabytes(self.memory),
+                bytes / 1_000_000
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// How long each step took, and within the steps each pass over the voxels.
+#[derive(Default)]
+struct Times(Mutex<(Option<(Instant, String)>, Vec<(String, Duration, usize)>)>);
+
+impl Times {
+    /// A step, or a pass, begins: what came before has ended.
+    fn begin(&self, name: Option<String>) {
+        let mut guard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (current, times) = &mut *guard;
+        if let Some((start, name)) = current.take() {
+            let elapsed = start.elapsed();
+            match times.iter_mut().find(|(known, ..)| *known == name) {
+                Some((_, time, count)) => (*time, *count) = (*time + elapsed, *count + 1),
+                None => times.push((name, elapsed, 1)),
+            }
+        }
+        *current = name.map(|name| (Instant::now(), name));
+    }
+
+    /// One line each.
+    fn lines(&self) -> String {
+        self.begin(None);
+        let times = &self.0.lock().unwrap_or_else(PoisonError::into_inner).1;
+        let line = |(name, time, count): &(String, Duration, usize)| {
+            let often = if *count > 1 { format!(", {count} times") } else { String::new() };
+            format!("  {:>7.2} s  {name}{often}\n", time.as_secs_f64())
+        };
+        times.iter().map(line).collect()
+    }
+}
+
+fn pass_name(pass: Pass) -> &'static str {
+    match pass {
+        Pass::Gram => "Gram matrix of the class bases",
+        Pass::Basis => "forming W'",
+        Pass::Reading => "Gram matrix or prefix sums of W'",
+        Pass::Projecting => "projecting shapes and hulls, and what follows",
     }
 }
 
@@ -122,11 +178,10 @@ impl Train {
         check_place(&self.out, 0)?;
         let splits = if self.split.is_empty() { shapes::existing_splits(&self.dir, &["train", "validation"])? } else { self.split };
         let start = Instant::now();
+        let counts = shapes::count(&self.dir, &splits)?;
+        Need::new(&counts, dims, self.least).check(&self.out, dims)?;
         let shapes = shapes::load(&self.dir, &splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES })?;
         let loaded = start.elapsed();
-        let least = least_basis(&shapes, dims, self.least);
-        check_place(&self.out, least)?;
-        require_memory(least)?;
         let options = TrainOptions {
             views: vec![View::Top],
             camera_elevations_deg,
@@ -139,14 +194,23 @@ impl Train {
             licence: self.licence,
         };
         let bar = progress::bar(self.folds + 2, "learning");
-        let model = train(&shapes, &options, &|step: Step| {
-            tracing::info!(step = step.done + 1, of = step.total, "{}", step.name);
-            bar.set_message(step.name);
-            bar.set_position(step.done as u64);
+        let times = Times::default();
+        let model = train(&shapes, &options, &|Step { name, side, pass, done, total }: Step| {
+            let what = pass.map_or(name, pass_name);
+            times.begin(Some(format!("on a grid of {side}: {what}")));
+            match pass {
+                Some(_) => tracing::debug!(side, "{name}: {what}"),
+                None => tracing::info!(step = done + 1, of = total, side, "{name}"),
+            }
+            bar.set_message(name);
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
         });
         bar.finish_and_clear();
         let model = model?;
+        times.begin(Some("writing the model".into()));
         save(&model, &self.out)?;
+        let times = times.lines();
         let bytes = std::fs::metadata(&self.out).map(|m| m.len()).unwrap_or(0);
         let calibration = &model.metadata.calibration;
         say!(
@@ -159,6 +223,7 @@ impl Train {
             calibration.accuracy,
             calibration.objects,
         );
+        say!("{}", times.trim_end());
         say!("wrote {} ({:.1} MB)", self.out.display(), bytes as f64 / 1e6);
         Ok(())
     }

@@ -12,6 +12,7 @@ mod pooling;
 mod raycast;
 mod rotation;
 mod runs;
+mod shrinking;
 mod view;
 
 pub use dims::{Dims, DimsError};
@@ -24,4 +25,5 @@ pub use pooling::Pooling;
 pub use raycast::RayCaster;
 pub use rotation::{Outside, Rotation, Turn, for_each_column_source, from_xyzw, mean_rotation, to_xyzw, uniform_rotation, yaw, yaw_of};
 pub use runs::for_each_run;
+pub use shrinking::{Counts, Shrinking};
 pub use view::View;

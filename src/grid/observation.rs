@@ -154,6 +154,12 @@ impl Observation {
         self.filled.set(index, filled);
     }
 
+    /// Forgets what is known of a voxel.
+    pub fn set_unknown(&mut self, index: usize) {
+        self.known.remove(index);
+        self.filled.remove(index);
+    }
+
     /// Marks a range of voxels as known to be empty.
     pub fn set_empty(&mut self, voxels: std::ops::Range<usize>) {
         self.known.insert_range(voxels.clone());

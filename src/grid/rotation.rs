@@ -6,6 +6,7 @@
 use super::{Dims, Observation, Occupancy, Placed};
 use fixedbitset::FixedBitSet;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// A rotation from object axes to grid axes.
@@ -69,23 +70,35 @@ pub struct Turn {
     sources: Vec<u32>,
 }
 
+/// Voxels from which on a turn is computed by several threads: waking them costs as much as they would save below.
+const ALONE: usize = 40 * 40 * 40;
+
 impl Turn {
+    /// A turn that is still to be set.
+    pub fn unset(dims: Dims) -> Self {
+        Self { dims, sources: Vec::new() }
+    }
+
     /// The turn of grids of one size by `rotation`.
     pub fn new(dims: Dims, rotation: &Rotation) -> Self {
-        let mut turn = Self { dims, sources: Vec::with_capacity(dims.voxels()) };
+        let mut turn = Self::unset(dims);
         turn.set(rotation);
         turn
     }
 
     /// Becomes the turn by another rotation.
     pub fn set(&mut self, rotation: &Rotation) {
-        let Self { dims, sources } = self;
-        sources.clear();
         if rotation.i == 0.0 && rotation.j == 0.0 {
+            let Self { dims, sources } = self;
+            sources.resize(dims.voxels(), NOWHERE);
             let height = dims.z();
-            for_each_column_source(*dims, yaw_of(rotation), |source| match source {
-                Some(source) => sources.extend((0..height).map(|k| (source * height + k) as u32)),
-                None => sources.extend(std::iter::repeat_n(NOWHERE, height)),
+            let mut columns = sources.chunks_exact_mut(height);
+            for_each_column_source(*dims, yaw_of(rotation), |source| {
+                let column = columns.next().expect("as many columns as there are");
+                match source {
+                    Some(source) => column.iter_mut().zip(source * height..).for_each(|(to, from)| *to = from as u32),
+                    None => column.fill(NOWHERE),
+                }
             });
             return;
         }
@@ -114,22 +127,28 @@ impl Turn {
     /// Every voxel p, from the centre, comes from matrix · p + offset.
     fn set_sources(&mut self, matrix: &Matrix3<f64>, offset: &Vector3<f64>) {
         let Self { dims, sources } = self;
-        sources.clear();
+        sources.resize(dims.voxels(), NOWHERE);
         let sides = <[usize; 3]>::from(*dims);
         let middle = sides.map(|side| (side as f64 - 1.0) / 2.0);
-        for i in 0..sides[0] {
-            for j in 0..sides[1] {
+        let set_layer = |(i, layer): (usize, &mut [u32])| {
+            for (j, column) in layer.chunks_exact_mut(sides[2]).enumerate() {
                 let (x, y) = (i as f64 - middle[0], j as f64 - middle[1]);
                 let start: [f64; 3] =
                     std::array::from_fn(|axis| matrix[(axis, 0)] * x + matrix[(axis, 1)] * y + offset[axis] + middle[axis]);
-                for k in 0..sides[2] {
+                for (k, source) in column.iter_mut().enumerate() {
                     let z = k as f64 - middle[2];
                     let at: [f64; 3] = std::array::from_fn(|axis| nearest(start[axis] + matrix[(axis, 2)] * z));
                     let inside = (0..3).all(|axis| at[axis] >= 0.0 && at[axis] < sides[axis] as f64);
                     let [i, j, k] = at.map(|at| at as usize);
-                    sources.push(if inside { dims.index(i, j, k) as u32 } else { NOWHERE });
+                    *source = if inside { dims.index(i, j, k) as u32 } else { NOWHERE };
                 }
             }
+        };
+        let layer = sides[1] * sides[2];
+        if dims.voxels() <= ALONE {
+            sources.chunks_exact_mut(layer).enumerate().for_each(set_layer);
+        } else {
+            sources.par_chunks_exact_mut(layer).enumerate().for_each(set_layer);
         }
     }
 
@@ -156,20 +175,29 @@ impl Turn {
         self.gather(observation.filled(), false, filled);
     }
 
-    /// One value per voxel, turned: `from` has one value per voxel, what enters is `outside`.
-    pub fn values(&self, from: &[f32], outside: f32, to: &mut Vec<f32>) {
-        to.clear();
-        to.extend(self.sources.iter().map(|source| from.get(*source as usize).copied().unwrap_or(outside)));
+    /// One value per voxel, turned; what enters is `outside`.
+    pub fn values<V: Copy + Send + Sync>(&self, from: &[V], outside: V, to: &mut [V]) {
+        let value = |source: &u32| from.get(*source as usize).copied().unwrap_or(outside);
+        if self.dims.voxels() <= ALONE {
+            to.iter_mut().zip(&self.sources).for_each(|(to, source)| *to = value(source));
+        } else {
+            to.par_iter_mut().zip(&self.sources).with_min_len(1 << 16).for_each(|(to, source)| *to = value(source));
+        }
     }
 
     fn gather(&self, from: &FixedBitSet, outside: bool, to: &mut FixedBitSet) {
         const WORD: usize = usize::BITS as usize;
-        for (word, sources) in to.as_mut_slice().iter_mut().zip(self.sources.chunks(WORD)) {
+        let gather = |(word, sources): (&mut usize, &[u32])| {
             *word = 0;
             for (bit, source) in sources.iter().enumerate() {
                 let set = if *source == NOWHERE { outside } else { from.contains(*source as usize) };
                 *word |= usize::from(set) << bit;
             }
+        };
+        if self.dims.voxels() <= ALONE {
+            to.as_mut_slice().iter_mut().zip(self.sources.chunks(WORD)).for_each(gather);
+        } else {
+            to.as_mut_slice().par_iter_mut().zip(self.sources.par_chunks(WORD)).with_min_len(1 << 10).for_each(gather);
         }
     }
 }

@@ -3,6 +3,7 @@
 //! Every basis vector is a linear combination of training shapes, so a class basis is kept as its n × k combination, and the
 //! d-dimensional vectors exist only block by block of voxels: two passes over the bit-packed shapes, whatever d is.
 
+use super::fit::Pass;
 use super::gram::centred;
 use super::vbpca::{self, Priors, Spectrum, Vbpca};
 use crate::grid::{Dims, Occupancy};
@@ -72,15 +73,24 @@ impl ClassBasis {
 /// The orthonormal basis W' of the span of all class bases and means, from `classes` of (shapes, basis).
 ///
 /// Directions whose share is below rounding are left out: the rank of the concatenated bases (the paper's rank(W)).
-pub(super) fn shared_basis(dims: Dims, classes: &[(&[&Occupancy], &ClassBasis)]) -> Result<Basis, LinearError> {
+/// `pass` is told when a pass over the voxels begins. Blocks that no shape touches are rows of zeros, and passed over.
+pub(super) fn shared_basis(
+    dims: Dims,
+    classes: &[(&[&Occupancy], &ClassBasis)],
+    pass: &dyn Fn(Pass),
+) -> Result<Basis, LinearError> {
     const RANK_TOLERANCE: f64 = 1e-6;
     let width: usize = classes.iter().map(|(_, basis)| basis.combination.ncols()).sum();
     let blocks: Vec<Range<usize>> = (0..dims.voxels()).step_by(BLOCK).map(|start| start..(start + BLOCK).min(dims.voxels())).collect();
 
+    let touched = |block: &Range<usize>| classes.iter().any(|(shapes, _)| shapes.iter().any(|shape| any(shape, block)));
+
+    pass(Pass::Gram);
     let mut gram = Mat::<f64>::zeros(width, width);
     for group in blocks.chunks(GROUP) {
         let parts: Vec<Mat<f32>> = group
             .par_iter()
+            .filter(|block| touched(block))
             .map(|block| {
                 let rows = concatenated(classes, width, block.clone());
                 let mut part = Mat::zeros(width, width);
@@ -98,8 +108,10 @@ pub(super) fn shared_basis(dims: Dims, classes: &[(&[&Occupancy], &ClassBasis)])
     let rank = eigen.values.iter().filter(|v| **v > RANK_TOLERANCE * eigen.values[0]).count().max(1);
     let transform = Mat::from_fn(width, rank, |i, h| (eigen.vectors[(i, h)] / eigen.values[h].max(1e-30).sqrt()) as f32);
 
-    let mut rows = vec![f16::ZERO; dims.voxels() * rank];
-    rows.par_chunks_mut(BLOCK * rank).zip(&blocks).for_each(|(out, block)| {
+    pass(Pass::Basis);
+    // Zeros that the system gives without memory until something else is written.
+    let mut rows: Vec<f16> = bytemuck::allocation::zeroed_vec(dims.voxels() * rank);
+    rows.par_chunks_mut(BLOCK * rank).zip(&blocks).filter(|(_, block)| touched(block)).for_each(|(out, block)| {
         let block = concatenated(classes, width, block.clone());
         let mut product = Mat::<f32>::zeros(rank, block.nrows());
         matmul(product.as_mut(), Accum::Replace, transform.transpose(), block.transpose(), 1.0, Par::Seq);
@@ -124,6 +136,11 @@ fn concatenated(classes: &[(&[&Occupancy], &ClassBasis)], width: usize, block: R
         first += columns;
     }
     out
+}
+
+/// Whether a shape fills any voxel of a block, which starts at a whole word.
+fn any(shape: &Occupancy, block: &Range<usize>) -> bool {
+    shape.bits().as_slice()[block.start / 64..block.end.div_ceil(64)].iter().any(|word| *word != 0)
 }
 
 /// The voxels `block` of each shape as numbers, one column per shape.
@@ -156,7 +173,7 @@ mod tests {
         let views: Vec<Vec<&Occupancy>> = data.iter().map(|s| s.iter().collect()).collect();
         let bases: Vec<ClassBasis> = views.iter().map(|v| ClassBasis::new(&overlaps(v), dims.voxels(), 0.8, 2..=6).unwrap()).collect();
         let classes: Vec<_> = views.iter().map(Vec::as_slice).zip(&bases).collect();
-        let basis = shared_basis(dims, &classes).unwrap();
+        let basis = shared_basis(dims, &classes, &|_| {}).unwrap();
         let rows = Mat::from_fn(basis.voxels(), basis.rank(), |v, h| f64::from(basis.row(v)[h].to_f32()));
         let gram = rows.transpose() * &rows;
         for i in 0..basis.rank() {

@@ -13,7 +13,9 @@
 //! | `view_density` | densities of turned objects seen from above, by direction | principal components, Gaussians |
 //! | `camera_density` | densities of what cameras see, by elevation and yaw | the same |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
-//! | `train` | the driver, with internal cross-validation | |
+//! | `fit` | bases and classes of some of the shapes | |
+//! | `held_out` | objects that a fold leaves out, scored; the calibration | |
+//! | `train` | the driver, with internal cross-validation, and smaller grids | |
 //!
 //! Calibration scores held-out objects as queries are scored, so this module also uses `perception`.
 
@@ -21,7 +23,9 @@ mod basis;
 mod calibration;
 mod camera_density;
 mod components;
+mod fit;
 mod gram;
+mod held_out;
 mod hull_density;
 mod regressed;
 mod render;
@@ -30,4 +34,5 @@ mod train;
 pub mod vbpca;
 mod view_density;
 
+pub use fit::Pass;
 pub use train::{FEWEST_SHAPES, Step, TrainError, TrainOptions, train};

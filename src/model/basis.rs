@@ -1,5 +1,6 @@
 //! The shared basis W': d × a in half precision, in memory or mapped from the model file.
 
+use super::first_touch::{Damaged, FirstTouch};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use memmap2::Mmap;
@@ -15,20 +16,21 @@ pub struct Basis {
 
 #[derive(Clone, Debug)]
 enum Storage {
-    Owned(Arc<[f16]>),
-    Mapped { file: Arc<Mmap>, bytes: Range<usize> },
+    Owned(Arc<Vec<f16>>),
+    Mapped { file: Arc<Mmap>, bytes: Range<usize>, first_touch: Option<Arc<FirstTouch>> },
 }
 
 impl Basis {
     /// A basis of d × `rank` values, row after row.
     pub fn new(rank: usize, rows: Vec<f16>) -> Self {
         assert!(rank > 0 && rows.len().is_multiple_of(rank), "whole rows");
-        Self { rank, storage: Storage::Owned(rows.into()) }
+        Self { rank, storage: Storage::Owned(Arc::new(rows)) }
     }
 
-    /// A basis inside a mapped file; `bytes` is aligned to two bytes and holds whole rows, little-endian.
-    pub(super) fn mapped(rank: usize, file: Arc<Mmap>, bytes: Range<usize>) -> Self {
-        Self { rank, storage: Storage::Mapped { file, bytes } }
+    /// A basis inside a mapped file; `bytes` is aligned to two bytes and holds whole rows, little-endian. `first_touch` checks them as
+    /// they are read.
+    pub(super) fn mapped(rank: usize, file: Arc<Mmap>, bytes: Range<usize>, first_touch: Option<FirstTouch>) -> Self {
+        Self { rank, storage: Storage::Mapped { file, bytes, first_touch: first_touch.map(Arc::new) } }
     }
 
     /// Number of columns, a.
@@ -45,7 +47,7 @@ impl Basis {
     pub fn values(&self) -> &[f16] {
         match &self.storage {
             Storage::Owned(rows) => rows,
-            Storage::Mapped { file, bytes } => super::file::half_slice(&file[bytes.clone()]),
+            Storage::Mapped { file, bytes, .. } => super::file::half_slice(&file[bytes.clone()]),
         }
     }
 
@@ -57,5 +59,27 @@ impl Basis {
     /// Widens the rows of some voxels into `out` (as many rows of a values).
     pub fn widen(&self, voxels: Range<usize>, out: &mut [f32]) {
         self.values()[voxels.start * self.rank..voxels.end * self.rank].convert_to_f32_slice(out);
+    }
+
+    /// To be called before the rows of some voxels are read: checks what of a large file is read for the first time, and keeps the
+    /// pages in memory within [`Self::bound`].
+    ///
+    /// # Errors
+    /// [`Damaged`] if they are not what was written.
+    pub fn touch(&self, voxels: Range<usize>) -> Result<(), Damaged> {
+        match &self.storage {
+            Storage::Mapped { file, bytes, first_touch: Some(first_touch) } => {
+                let size = self.rank * size_of::<f16>();
+                first_touch.touch(file, bytes, voxels.start * size..voxels.end * size)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Bounds the pages of the file that stay in this process's memory, in bytes; of small files nothing is bounded.
+    pub fn bound(&self, bytes: usize) {
+        if let Storage::Mapped { first_touch: Some(first_touch), .. } = &self.storage {
+            first_touch.bound(bytes);
+        }
     }
 }

@@ -1,9 +1,10 @@
 //! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
 
 use super::camera_density::CELLS;
+use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::{
-    Basis, CameraDensities, ClassModel, DIRECTIONS, FORMAT_VERSION, HullDensity, MOST_COMPONENTS, Metadata, Model, OFFSETS, ViewDensities,
-    YAWS, mapping,
+    Basis, CameraDensities, ClassModel, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model, OFFSETS,
+    ViewDensities, YAWS, levels_of, mapping,
 };
 use crate::grid::Pooling;
 use crate::shapes::library::{LONGEST_CLASS_NAME, MOST_CLASSES};
@@ -14,6 +15,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -108,6 +110,27 @@ fn unpack(triangles: &[f32], size: usize) -> Vec<f32> {
 /// Writes a model. The file appears under its name only when it is complete.
 pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let io = |source| ModelError::Io { path: path.to_owned(), source };
+    let partial = path.with_extension("partial");
+    // Made here first for its permissions: those of any new file, whereas the writer would make it readable for one user only.
+    let permissions = File::create(&partial).and_then(|file| file.metadata()).map_err(io)?.permissions();
+    if let Err(error) = with_tensors(model, |tensors, header| safetensors::serialize_to_file(tensors, Some(header), &partial)) {
+        let _ = std::fs::remove_file(&partial);
+        return Err(io(std::io::Error::other(error)));
+    }
+    std::fs::set_permissions(&partial, permissions).and_then(|()| std::fs::rename(&partial, path)).map_err(io)
+}
+
+/// A level of a model: the bytes of a whole model file.
+fn level_bytes(level: &Model) -> Vec<u8> {
+    with_tensors(level, |tensors, header| safetensors::serialize(tensors, Some(header)).expect("names and shapes are sound"))
+}
+
+fn level_name(dims: crate::grid::Dims) -> String {
+    format!("level_{}", <[usize; 3]>::from(dims).into_iter().fold(0, usize::max))
+}
+
+/// Calls `write` with a model's tensors and the description for the header.
+fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>)>, HashMap<String, String>) -> R) -> R {
     let (classes, rank) = (model.classes.len(), model.rank());
     let stack = |part: fn(&ClassModel) -> &[f32]| -> Vec<f32> { model.classes.iter().flat_map(|c| part(c).iter().copied()).collect() };
     let mut floats: Vec<(String, Vec<usize>, Vec<f32>)> = vec![
@@ -129,16 +152,29 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
         ("basis".into(), Dtype::F16, vec![model.basis.voxels(), rank], bytemuck::cast_slice(model.basis.values())),
         ("class_variances".into(), Dtype::F64, vec![variances.len()], bytemuck::cast_slice(&variances)),
     ];
-    let views = &model.view_densities;
-    let p = views.size;
-    let halves: [(&str, Vec<usize>, &[f16]); 4] = [
-        ("view_basis", vec![views.basis.len() / p, p], &views.basis),
-        ("view_mean", vec![DIRECTIONS, classes, p], &views.means),
-        ("view_whitening", vec![DIRECTIONS, classes, packed(p)], &views.whitening),
-        ("view_regression", vec![DIRECTIONS, classes, 3, p], &views.regression),
-    ];
-    for (name, shape, values) in halves {
-        tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
+    if let Some(views) = &model.view_densities {
+        let p = views.size;
+        let halves: [(&str, Vec<usize>, &[f16]); 4] = [
+            ("view_basis", vec![views.basis.len() / p, p], &views.basis),
+            ("view_mean", vec![DIRECTIONS, classes, p], &views.means),
+            ("view_whitening", vec![DIRECTIONS, classes, packed(p)], &views.whitening),
+            ("view_regression", vec![DIRECTIONS, classes, 3, p], &views.regression),
+        ];
+        for (name, shape, values) in halves {
+            tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
+        }
+    }
+    let (bits, pieces);
+    if let Some(footprint) = &model.footprint {
+        bits = footprint.bytes();
+        pieces = checksums(bytemuck::cast_slice(model.basis.values()));
+        tensors.push(("basis_footprint".into(), Dtype::U8, vec![bits.len()], &bits));
+        tensors.push(("basis_gram".into(), Dtype::F64, vec![footprint.gram.len()], bytemuck::cast_slice(&footprint.gram)));
+        tensors.push(("basis_pieces".into(), Dtype::U32, vec![pieces.len()], bytemuck::cast_slice(&pieces)));
+    }
+    let levels: Vec<(String, Vec<u8>)> = model.levels.iter().map(|level| (level_name(level.dims()), level_bytes(level))).collect();
+    for (name, bytes) in &levels {
+        tensors.push((name.clone(), Dtype::U8, vec![bytes.len()], bytes));
     }
     if let Some(cameras) = &model.camera_densities {
         let (e, p) = (cameras.elevations.len(), cameras.size);
@@ -168,14 +204,7 @@ pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let tensors = tensors.into_iter().map(|(name, dtype, shape, bytes)| {
         (name, TensorView::new(dtype, shape, bytes).expect("the shapes were computed from the lengths"))
     });
-    let partial = path.with_extension("partial");
-    // Made here first for its permissions: those of any new file, whereas the writer would make it readable for one user only.
-    let permissions = File::create(&partial).and_then(|file| file.metadata()).map_err(io)?.permissions();
-    if let Err(error) = safetensors::serialize_to_file(tensors, Some(header), &partial) {
-        let _ = std::fs::remove_file(&partial);
-        return Err(io(std::io::Error::other(error)));
-    }
-    std::fs::set_permissions(&partial, permissions).and_then(|()| std::fs::rename(&partial, path)).map_err(io)
+    write(tensors.collect(), header)
 }
 
 /// What a full check of a file found.
@@ -209,6 +238,10 @@ pub struct Outline {
     pub rank: usize,
     /// Bytes of the file.
     pub file_bytes: u64,
+    /// Bytes of W'.
+    pub basis_bytes: u64,
+    /// The models on smaller grids.
+    pub levels: Vec<Outline>,
 }
 
 impl Outline {
@@ -221,9 +254,19 @@ impl Outline {
 
 /// Reads and checks the header of a model file, and nothing else.
 pub fn outline(path: &Path) -> Result<Outline, ModelError> {
-    let file = Opened::open(path)?;
-    let rank = file.rank(&file.tensors()?)?;
-    Ok(Outline { rank, file_bytes: file.map.len() as u64, metadata: file.header.metadata })
+    outline_of(Opened::open(path)?)
+}
+
+fn outline_of(file: Opened) -> Result<Outline, ModelError> {
+    let tensors = file.tensors()?;
+    let rank = file.rank(&tensors)?;
+    let level = |dims| {
+        let tensor = file.tensor(&tensors, &level_name(dims))?;
+        outline_of(Opened::within(&file.path, file.map.clone(), file.range(tensor.data()))?)
+    };
+    let levels = levels_of(file.header.metadata.dims).into_iter().map(level).collect::<Result<_, ModelError>>()?;
+    let basis_bytes = (file.header.metadata.dims.voxels() * rank * size_of::<f16>()) as u64;
+    Ok(Outline { rank, file_bytes: file.within.len() as u64, basis_bytes, levels, metadata: file.header.metadata })
 }
 
 /// Fails unless a model of `bytes` can be written to `path`: a training that cannot keep what it learned should not begin.
@@ -243,19 +286,27 @@ pub fn check_place(path: &Path, bytes: u64) -> Result<(), ModelError> {
 
 /// Maps a model file and checks its header, sizes and the checksums of all tensors below 64 MiB.
 pub fn load(path: &Path) -> Result<Model, ModelError> {
-    let file = Opened::open(path)?;
+    read(&Opened::open(path)?)
+}
+
+fn read(file: &Opened) -> Result<Model, ModelError> {
     let tensors = file.tensors()?;
     let metadata = &file.header.metadata;
     let m = metadata.classes.len();
     let total: usize = metadata.classes.iter().map(|c| c.basis_size).sum();
     let rank = file.rank(&tensors)?;
     let basis = file.tensor(&tensors, "basis")?;
-    if basis.data().len() < CHECKED_AT_LOAD {
-        file.check("basis", basis.data())?;
-    }
-    let start = basis.data().as_ptr() as usize - file.map.as_ptr() as usize;
-    let range = start..start + basis.data().len();
-    let basis = Basis::mapped(rank, file.map.clone(), range);
+    let levels = file.levels(&tensors, metadata)?;
+    let footprint = if levels.is_empty() { None } else { Some(file.footprint(&tensors, metadata, rank)?) };
+    let first_touch = match &footprint {
+        _ if basis.data().len() < CHECKED_AT_LOAD => {
+            file.check("basis", basis.data())?;
+            None
+        }
+        Some(_) => Some(FirstTouch::new(file.words(&tensors, "basis_pieces", &[basis.data().len().div_ceil(PIECE)])?)),
+        None => None,
+    };
+    let basis = Basis::mapped(rank, file.map.clone(), file.range(basis.data()), first_touch);
 
     let mean = file.floats(&tensors, "class_mean", &[m, rank])?;
     let covariance = file.symmetric(&tensors, "class_covariance", m, rank)?;
@@ -271,7 +322,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
             file.symmetric(&tensors, &format!("hull_{}_covariance", view.name()), m, rank)?,
         ));
     }
-    let view_densities = file.view_densities(&tensors, metadata)?;
+    let view_densities = if levels.is_empty() { Some(file.view_densities(&tensors, metadata)?) } else { None };
     let camera_densities = file.camera_densities(&tensors, metadata)?;
     let slice = |values: &[f32], s: usize, size: usize| values[s * size..(s + 1) * size].to_vec();
     let mut first = 0;
@@ -295,7 +346,7 @@ pub fn load(path: &Path) -> Result<Model, ModelError> {
         })
         .collect();
     let id = u64::from(file.header.checksum) << 32 | u64::from(file.header.checksums.get("basis").copied().unwrap_or(0));
-    Ok(Model { id, metadata: file.header.metadata, basis, classes, view_densities, camera_densities })
+    Ok(Model { id, metadata: file.header.metadata.clone(), basis, classes, view_densities, camera_densities, footprint, levels })
 }
 
 /// What a file that was written by `save` always satisfies, and a hand-made one may not.
@@ -347,6 +398,8 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
 struct Opened {
     path: PathBuf,
     map: Arc<Mmap>,
+    /// Its bytes in the file.
+    within: Range<usize>,
     header: Header,
 }
 
@@ -359,7 +412,14 @@ impl Opened {
             return Err(invalid("it is not a regular file".into()));
         }
         let map = mapping::map(&File::open(path).map_err(io)?).map_err(io)?;
-        let (_, info) = SafeTensors::read_metadata(&map).map_err(|e| invalid(format!("{e}")))?;
+        let within = 0..map.len();
+        Self::within(path, Arc::new(map), within)
+    }
+
+    /// The model that lies in these bytes of a mapped file.
+    fn within(path: &Path, map: Arc<Mmap>, within: Range<usize>) -> Result<Self, ModelError> {
+        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: shown(&reason) };
+        let (_, info) = SafeTensors::read_metadata(&map[within.clone()]).map_err(|e| invalid(format!("{e}")))?;
         let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
         let value: serde_json::Value = serde_json::from_str(text).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
         match value["metadata"]["format_version"].as_u64() {
@@ -380,7 +440,46 @@ impl Opened {
         if header_checksum(&header.metadata, &header.checksums, &table) != header.checksum {
             return Err(invalid("its header does not match its checksum".into()));
         }
-        Ok(Self { path: path.to_owned(), map: Arc::new(map), header })
+        Ok(Self { path: path.to_owned(), map, within, header })
+    }
+
+    /// Where in the file these bytes lie.
+    fn range(&self, bytes: &[u8]) -> Range<usize> {
+        let start = bytes.as_ptr() as usize - self.map.as_ptr() as usize;
+        start..start + bytes.len()
+    }
+
+    /// The models on smaller grids.
+    fn levels(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Vec<Model>, ModelError> {
+        let level = |dims| {
+            let name = level_name(dims);
+            let tensor = self.tensor(tensors, &name)?;
+            self.check(&name, tensor.data())?;
+            if !(tensor.data().as_ptr() as usize).is_multiple_of(align_of::<f16>()) {
+                return Err(self.invalid(format!("tensor `{name}` does not lie at an even address")));
+            }
+            let level = read(&Self::within(&self.path, self.map.clone(), self.range(tensor.data()))?)?;
+            let names = |m: &Metadata| m.classes.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+            if level.dims() != dims || names(&level.metadata) != names(metadata) {
+                return Err(self.invalid(format!("tensor `{name}` is a model of other shapes")));
+            }
+            Ok(level)
+        };
+        levels_of(metadata.dims).into_iter().map(level).collect()
+    }
+
+    fn footprint(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Footprint, ModelError> {
+        let voxels = metadata.dims.voxels();
+        let bytes = self.small(tensors, "basis_footprint", Dtype::U8, &[Footprint::length(voxels)])?;
+        let gram = self.doubles(tensors, "basis_gram", &[packed(rank + 1)])?;
+        if !gram.iter().all(|v| v.is_finite()) {
+            return Err(self.invalid("tensor `basis_gram` holds a value that is not a number"));
+        }
+        Ok(Footprint { voxels: Footprint::bits(voxels, &bytes), gram })
+    }
+
+    fn words(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<u32>, ModelError> {
+        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::U32, shape)?))
     }
 
     /// Number of columns of the basis, after the description and the basis have been checked against each other.
@@ -400,7 +499,7 @@ impl Opened {
     }
 
     fn tensors(&self) -> Result<SafeTensors<'_>, ModelError> {
-        SafeTensors::deserialize(&self.map).map_err(|e| self.invalid(e.to_string()))
+        SafeTensors::deserialize(&self.map[self.within.clone()]).map_err(|e| self.invalid(e.to_string()))
     }
 
     fn tensor<'a>(&self, tensors: &SafeTensors<'a>, name: &str) -> Result<TensorView<'a>, ModelError> {

@@ -6,6 +6,8 @@
 mod basis;
 mod camera_density;
 mod file;
+mod first_touch;
+mod footprint;
 mod mapping;
 mod metadata;
 mod view_density;
@@ -13,6 +15,8 @@ mod view_density;
 pub use basis::Basis;
 pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, OFFSETS, YAWS};
 pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
+pub use first_touch::Damaged;
+pub use footprint::Footprint;
 pub use metadata::{Blend, Calibration, CameraCalibration, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings};
 pub use view_density::{DIRECTIONS, ViewDensities};
 
@@ -46,7 +50,7 @@ pub struct HullDensity {
 }
 
 /// A trained model.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Model {
     /// Tells one model file from another: made of its checksums; 0 for a model that was not loaded from a file.
     pub id: u64,
@@ -56,16 +60,40 @@ pub struct Model {
     pub basis: Basis,
     /// One entry per class, in the order of `metadata.classes`.
     pub classes: Vec<ClassModel>,
-    /// Densities of turned objects seen from above.
-    pub view_densities: ViewDensities,
+    /// Densities of turned objects seen from above; `None` where smaller grids are searched instead.
+    pub view_densities: Option<ViewDensities>,
     /// Densities of what cameras see, if they were learned.
     pub camera_densities: Option<CameraDensities>,
+    /// Where W' is not zero, if it is to be read in place.
+    pub footprint: Option<Footprint>,
+    /// Models of the same shapes on smaller grids, in which poses are searched; from the smallest on.
+    pub levels: Vec<Model>,
+}
+
+/// Sides of the smaller grids in which poses are searched, if a grid is larger than the last of them.
+pub const LEVELS: [usize; 2] = [32, 64];
+
+/// The smaller grids of a grid of this size; none for those that are searched themselves.
+pub fn levels_of(dims: Dims) -> Vec<Dims> {
+    let sides = <[usize; 3]>::from(dims);
+    let longest = sides.into_iter().fold(0, usize::max);
+    if longest <= LEVELS[1] {
+        return Vec::new();
+    }
+    let shrunk = |side: usize, to: usize| (side * to).div_ceil(longest).max(8);
+    let of = |to: usize| Dims::new(shrunk(sides[0], to), shrunk(sides[1], to), shrunk(sides[2], to)).expect("sides from 8 to 64");
+    LEVELS.map(of).to_vec()
 }
 
 impl Model {
     /// Size of the grids that the model answers.
     pub fn dims(&self) -> Dims {
         self.metadata.dims
+    }
+
+    /// Densities of turned objects of a model that is searched itself.
+    pub(crate) fn searched_views(&self) -> &ViewDensities {
+        self.view_densities.as_ref().expect("poses of a model with levels are searched in these")
     }
 
     /// Number of columns of W', a.

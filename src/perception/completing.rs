@@ -2,6 +2,7 @@
 
 use super::completion::{self, Complete, Part, Unknown};
 use super::density;
+use super::known::Known;
 use super::lanes::dispatch;
 use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
 use super::percept::Frame;
@@ -24,62 +25,76 @@ const UNSEEN_DEVIATION: f32 = 0.01;
 impl Perceiver {
     /// Completes the observation that was last classified with `work`, into `percept`.
     pub fn complete(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        let dims = self.model.dims();
-        for values in [&mut percept.occupancy, &mut percept.deviation] {
-            values.clear();
-            values.resize(dims.voxels(), 0.0);
+        let (mut occupancy, mut deviation) = (std::mem::take(&mut percept.occupancy), std::mem::take(&mut percept.deviation));
+        for values in [&mut occupancy, &mut deviation] {
+            values.resize(self.model.dims().voxels(), 0.0);
         }
-        for &voxel in &work.known.filled {
-            percept.occupancy[voxel] = 1.0;
+        let outcome = self.complete_into(query, work, percept, &mut occupancy, &mut deviation);
+        (percept.occupancy, percept.deviation) = (occupancy, deviation);
+        outcome
+    }
+
+    /// The same, into the caller's memory: one value per voxel each, as numbers or as bytes (× 255); all are written.
+    pub fn complete_into<V: Value>(
+        &self,
+        query: &Query,
+        work: &mut Workspace,
+        percept: &mut Percept,
+        occupancy: &mut [V],
+        deviation: &mut [V],
+    ) -> Result<(), PerceiveError> {
+        assert_eq!([occupancy.len(), deviation.len()], [self.model.dims().voxels(); 2], "one value per voxel");
+        let moved = query.pose != PoseSearch::Known || percept.placed != Placed::default();
+        if !moved || query.frame == Frame::Object {
+            return self.complete_here(query, work, percept, occupancy, deviation);
         }
+        let [mut p, mut sd] = std::mem::take(V::scratch(&mut work.moved));
+        p.resize(occupancy.len(), V::default());
+        sd.resize(deviation.len(), V::default());
+        let outcome = self.complete_here(query, work, percept, &mut p, &mut sd);
+        turn_into_grid(work, percept, [&p, &sd], occupancy, deviation);
+        *V::scratch(&mut work.moved) = [p, sd];
+        outcome
+    }
+
+    /// In the frame in which the observation was completed: as it came, or the object's where that was found.
+    fn complete_here<V: Value>(
+        &self,
+        query: &Query,
+        work: &mut Workspace,
+        percept: &mut Percept,
+        occupancy: &mut [V],
+        deviation: &mut [V],
+    ) -> Result<(), PerceiveError> {
         match query.method {
-            Method::Paper => self.complete_as_the_paper(query, work, percept)?,
+            Method::Paper => {
+                if !percept.informed {
+                    self.project_as_the_paper(query, work)?;
+                }
+                let basis = &self.model.basis;
+                let mut row = vec![0.0; basis.rank()];
+                let projected = &work.projected;
+                complete_plainly(&work.known, occupancy, deviation, |voxel| {
+                    basis.widen(voxel..voxel + 1, &mut row);
+                    density::dot(&row, projected)
+                });
+            }
             Method::Mean => {
                 let class = &self.subspaces[percept.class];
-                complete_plainly(&work.known.unknown, percept, |voxel| class.mean(voxel));
+                complete_plainly(&work.known, occupancy, deviation, |voxel| class.mean(voxel));
             }
-            _ => self.complete_by_evidence(work, percept)?,
-        }
-        let moved = query.pose != PoseSearch::Known || percept.placed != Placed::default();
-        if moved && query.frame == Frame::Grid {
-            self.turn_into_grid(work, percept);
+            _ => self.complete_by_evidence(work, percept, occupancy, deviation)?,
         }
         Ok(())
     }
 
-    /// Turns a completion from the object's frame into the observation's grid. What was observed there stays as observed.
-    fn turn_into_grid(&self, work: &mut Workspace, percept: &mut Percept) {
-        let Workspace { seen, turn, values: turned, .. } = work;
-        turn.set_to_grid(&percept.placed);
-        let (known, filled) = (seen.known(), seen.filled());
-        for values in [&mut percept.occupancy, &mut percept.deviation] {
-            turn.values(values, 0.0, turned);
-            std::mem::swap(values, turned);
-        }
-        for (voxel, (p, deviation)) in percept.occupancy.iter_mut().zip(&mut percept.deviation).enumerate() {
-            if known.contains(voxel) {
-                (*p, *deviation) = (f32::from(u8::from(filled.contains(voxel))), 0.0);
-            } else {
-                *deviation = deviation.max(UNSEEN_DEVIATION);
-            }
-        }
-    }
-
-    fn complete_as_the_paper(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        if !percept.informed {
-            self.project_as_the_paper(query, work)?;
-        }
-        let basis = &self.model.basis;
-        let mut row = vec![0.0; basis.rank()];
-        let projected = &work.projected;
-        complete_plainly(&work.known.unknown, percept, |voxel| {
-            basis.widen(voxel..voxel + 1, &mut row);
-            density::dot(&row, projected)
-        });
-        Ok(())
-    }
-
-    fn complete_by_evidence(&self, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
+    fn complete_by_evidence<V: Value>(
+        &self,
+        work: &mut Workspace,
+        percept: &mut Percept,
+        occupancy: &mut [V],
+        deviation: &mut [V],
+    ) -> Result<(), PerceiveError> {
         let shares = &mut work.shares;
         shares.clear();
         shares.extend(percept.posterior.iter().copied().enumerate());
@@ -100,31 +115,86 @@ impl Perceiver {
         }
         let weights = completion::weights(&self.model.metadata.calibration.completion);
         let dims = self.model.dims();
-        let (conditionals, runs) = (&work.conditionals, &work.known.unknown);
+        let (conditionals, known) = (&work.conditionals, &work.known);
         let part =
             |&(s, p): &(usize, f64)| Part { weight: (p / total) as f32, class: &self.subspaces[s], posterior: &conditionals[s].posterior };
-        let complete = |voxels: Range<usize>, occupancy: &mut [f32], deviation: &mut [f32]| {
+        let complete = |voxels: Range<usize>, occupancy: &mut [V], deviation: &mut [V]| {
+            // A slab stays in the cache until it is complete: memory is written once.
+            write_known(known, voxels.start, occupancy, deviation);
+            let runs = &known.unknown;
             let within = runs.partition_point(|run| run.0 < voxels.start)..runs.partition_point(|run| run.0 < voxels.end);
             let unknown = Unknown { height: dims.z(), runs: &runs[within], parts: shares.iter().map(part) };
             dispatch(Complete { unknown, weights, first: voxels.start, occupancy, deviation });
         };
         if dims.voxels() <= ALONE {
-            complete(0..dims.voxels(), &mut percept.occupancy, &mut percept.deviation);
+            complete(0..dims.voxels(), occupancy, deviation);
             return Ok(());
         }
         // One slab of columns per task: which thread takes it does not change the result.
         let slab = dims.y() * dims.z() * SLAB;
-        let slabs = percept.occupancy.par_chunks_mut(slab).zip(percept.deviation.par_chunks_mut(slab));
-        slabs.enumerate().for_each(|(i, (occupancy, deviation))| complete(i * slab..(i + 1) * slab, occupancy, deviation));
+        let slabs = occupancy.par_chunks_mut(slab).zip(deviation.par_chunks_mut(slab));
+        slabs.enumerate().for_each(|(i, (occupancy, deviation))| {
+            complete(i * slab..i * slab + occupancy.len(), occupancy, deviation);
+        });
         Ok(())
     }
 }
 
+/// Memory for completions that are computed in another frame than the one that was asked for.
+#[derive(Default)]
+pub struct Moved {
+    floats: [Vec<f32>; 2],
+    bytes: [Vec<u8>; 2],
+}
+
+/// How a completion is written.
+pub trait Value: completion::Value {
+    /// Memory for two grids of it.
+    fn scratch(moved: &mut Moved) -> &mut [Vec<Self>; 2];
+}
+
+impl Value for f32 {
+    fn scratch(moved: &mut Moved) -> &mut [Vec<Self>; 2] {
+        &mut moved.floats
+    }
+}
+
+impl Value for u8 {
+    fn scratch(moved: &mut Moved) -> &mut [Vec<Self>; 2] {
+        &mut moved.bytes
+    }
+}
+
+/// Writes what was observed of the voxels from `first` on, and that it is certain.
+fn write_known<V: Value>(known: &Known, first: usize, occupancy: &mut [V], deviation: &mut [V]) {
+    occupancy.fill(V::default());
+    deviation.fill(V::default());
+    let within = known.filled.partition_point(|v| *v < first)..known.filled.partition_point(|v| *v < first + occupancy.len());
+    known.filled[within].iter().for_each(|voxel| occupancy[voxel - first] = V::ONE);
+}
+
+/// Turns a completion from the object's frame into the observation's grid. What was observed there stays as observed.
+fn turn_into_grid<V: Value>(work: &mut Workspace, percept: &Percept, [p, sd]: [&[V]; 2], occupancy: &mut [V], deviation: &mut [V]) {
+    let Workspace { seen, turn, .. } = work;
+    turn.set_to_grid(&percept.placed);
+    turn.values(p, V::default(), occupancy);
+    turn.values(sd, V::default(), deviation);
+    let (known, filled, least) = (seen.known(), seen.filled(), V::from_unit(UNSEEN_DEVIATION));
+    for (voxel, (p, deviation)) in occupancy.iter_mut().zip(deviation).enumerate() {
+        if known.contains(voxel) {
+            (*p, *deviation) = (if filled.contains(voxel) { V::ONE } else { V::default() }, V::default());
+        } else if *deviation < least {
+            *deviation = least;
+        }
+    }
+}
+
 /// Completion without a model of uncertainty: the value clamped to \[0, 1\], and the deviation of a coin with that bias.
-fn complete_plainly(runs: &[(usize, usize)], percept: &mut Percept, mut value: impl FnMut(usize) -> f32) {
-    for voxel in runs.iter().flat_map(|(start, end)| *start..*end) {
+fn complete_plainly<V: Value>(known: &Known, occupancy: &mut [V], deviation: &mut [V], mut value: impl FnMut(usize) -> f32) {
+    write_known(known, 0, occupancy, deviation);
+    for voxel in known.unknown.iter().flat_map(|(start, end)| *start..*end) {
         let p = value(voxel).clamp(0.0, 1.0);
-        percept.occupancy[voxel] = p;
-        percept.deviation[voxel] = (p * (1.0 - p)).sqrt();
+        occupancy[voxel] = V::from_unit(p);
+        deviation[voxel] = V::from_unit((p * (1.0 - p)).sqrt());
     }
 }

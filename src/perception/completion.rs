@@ -131,7 +131,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
         let zero = [0.0; LANES];
         let mut block = Block { first: column * self.height + z, mean: zero, variance: zero, class_mean: zero, depth };
         for part in self.parts.clone() {
-            let predicted = part.class.columns().predict::<FUSED>(part.posterior, column, z, scratch);
+            let predicted = part.class.predict::<FUSED>(part.posterior, column, z, scratch);
             for l in 0..LANES {
                 let mean = predicted.mean[l].clamp(0.0, 1.0);
                 block.mean[l] += part.weight * mean;
@@ -159,8 +159,36 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone, F: FnMut(&Block)> Kernel for ForE
     }
 }
 
+/// How probabilities and deviations, 0 to 1, are written.
+pub trait Value: Copy + Default + PartialOrd + Send + Sync {
+    /// One.
+    const ONE: Self;
+
+    /// A value in \[0, 1\].
+    fn from_unit(value: f32) -> Self;
+}
+
+impl Value for f32 {
+    const ONE: Self = 1.0;
+
+    #[inline(always)]
+    fn from_unit(value: f32) -> Self {
+        value
+    }
+}
+
+/// As in messages: times 255, rounded.
+impl Value for u8 {
+    const ONE: Self = 255;
+
+    #[inline(always)]
+    fn from_unit(value: f32) -> Self {
+        lanes::to_byte(value)
+    }
+}
+
 /// Writes probability and deviation of unknown voxels by a calibration with these weights.
-pub struct Complete<'a, P> {
+pub struct Complete<'a, P, V> {
     /// The voxels.
     pub unknown: Unknown<'a, P>,
     /// See [`weights`].
@@ -168,12 +196,12 @@ pub struct Complete<'a, P> {
     /// Index of the voxel that the first values of the outputs are of.
     pub first: usize,
     /// Probabilities.
-    pub occupancy: &'a mut [f32],
+    pub occupancy: &'a mut [V],
     /// Deviations.
-    pub deviation: &'a mut [f32],
+    pub deviation: &'a mut [V],
 }
 
-impl<'a, P: Iterator<Item = Part<'a>> + Clone> Kernel for Complete<'_, P> {
+impl<'a, P: Iterator<Item = Part<'a>> + Clone, V: Value> Kernel for Complete<'_, P, V> {
     type Output = ();
 
     #[inline(always)]
@@ -186,6 +214,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Kernel for Complete<'_, P> {
                 let features = VoxelFeatures { depth: block.depth[l].max(1.0), ..block.features(l) };
                 (p[l], sd[l]) = features.probability(&weights);
             }
+            let (p, sd) = (p.map(V::from_unit), sd.map(V::from_unit));
             for lane in block.unknown() {
                 (occupancy[block.first - first + lane], deviation[block.first - first + lane]) = (p[lane], sd[lane]);
             }

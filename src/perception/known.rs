@@ -1,5 +1,6 @@
 //! An observation taken apart: what estimators read of it (V_q and w_q of eq. 13), and its visual hull.
 
+use super::shared_rows::SharedSums;
 use super::tiles::{Division, Tiling};
 use crate::grid::{Dims, Observation, for_each_run};
 use fixedbitset::FixedBitSet;
@@ -15,6 +16,8 @@ pub struct Known {
     pub division: Division,
     /// Known filled voxels, ascending.
     pub filled: Vec<usize>,
+    /// Sums over them of W', where that is read itself.
+    pub sums: SharedSums,
 }
 
 impl Known {
@@ -25,6 +28,7 @@ impl Known {
             unknown: Vec::with_capacity(dims.voxels() / 2),
             division: Division::default(),
             filled: Vec::with_capacity(dims.voxels()),
+            sums: SharedSums::default(),
         }
     }
 

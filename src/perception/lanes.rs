@@ -98,25 +98,12 @@ pub fn widen<T: Copy + Into<f32>>(values: &[T; LANES]) -> Lanes {
     wide
 }
 
-/// Values in \[0, 1\] as bytes, times 255 and rounded; into as many bytes.
-pub fn to_bytes(values: &[f32], bytes: &mut [u8]) {
-    dispatch(ToBytes(values, bytes));
-}
-
-struct ToBytes<'a>(&'a [f32], &'a mut [u8]);
-
-impl Kernel for ToBytes<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        // 2²³: adding it rounds to an integer, which is left in the low bits.
-        const ROUND: f32 = 8_388_608.0;
-        let Self(values, bytes) = self;
-        for (byte, value) in bytes.iter_mut().zip(values) {
-            *byte = (value.clamp(0.0, 1.0) * 255.0 + ROUND).to_bits() as u8;
-        }
-    }
+/// A value in \[0, 1\] as a byte, times 255 and rounded.
+#[inline(always)]
+pub fn to_byte(value: f32) -> u8 {
+    // 2²³: adding it rounds to an integer, which is left in the low bits.
+    const ROUND: f32 = 8_388_608.0;
+    (value.clamp(0.0, 1.0) * 255.0 + ROUND).to_bits() as u8
 }
 
 #[cfg(test)]
@@ -146,13 +133,9 @@ mod tests {
     #[test]
     fn bytes_are_rounded() {
         let values: Vec<f32> = (0..=2550).map(|i| i as f32 / 2550.0).collect();
-        let mut bytes = vec![7; values.len()];
-        to_bytes(&values, &mut bytes);
-        for (value, byte) in values.iter().zip(bytes) {
-            assert!((value * 255.0 - f32::from(byte)).abs() < 0.5001, "{value} {byte}");
+        for value in values {
+            assert!((value * 255.0 - f32::from(to_byte(value))).abs() < 0.5001, "{value}");
         }
-        let mut odd = [9; 3];
-        to_bytes(&[-1.0, 2.0, 1.0], &mut odd);
-        assert_eq!(odd, [0, 255, 255]);
+        assert_eq!([-1.0, 2.0, 1.0].map(to_byte), [0, 255, 255]);
     }
 }

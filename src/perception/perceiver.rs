@@ -10,11 +10,12 @@ use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
 use super::timings::{Stopwatch, Timings};
 use super::whitening::Whitening;
-use super::{ColumnSums, Density, Percept, PoseSearch, Query};
-use crate::grid::{Dims, Observation, Placed, Rotation, Turn};
+use super::completing::Moved;
+use super::{ColumnSums, Density, Percept, PoseSearch, Query, Reading, SharedSums};
+use crate::grid::{Counts, Dims, Observation, Placed, Rotation, Shrinking, Turn};
 use crate::linear::LinearError;
 use crate::memory::{self, Available};
-use crate::model::{Metadata, Model, ModelError, load, outline};
+use crate::model::{Damaged, Model, ModelError, Outline, load, outline};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -25,14 +26,14 @@ pub(super) const ALONE: usize = 40 * 40 * 40;
 /// A model prepared for queries. Shared between threads; each brings its own [`Workspace`].
 pub struct Perceiver {
     pub(super) model: Arc<Model>,
-    pub(super) sums: ColumnSums,
+    pub(super) reading: Reading,
     /// Hull densities, `[view][class]`.
     pub(super) hulls: Vec<Vec<Density>>,
     /// Hull densities with one covariance for all classes, by view: for the search over yaw.
     pub(super) common: Vec<CommonDensity>,
     pub(super) subspaces: Vec<ClassSubspace>,
     /// Densities of turned objects seen from above, for the search over SO(3).
-    pub(super) views: ViewScores,
+    pub(super) views: Option<ViewScores>,
     /// Densities of what cameras see, if the model has them.
     pub(super) cameras: Option<CameraScores>,
     /// Densities of complete objects (the paper's), made on first use.
@@ -40,6 +41,14 @@ pub struct Perceiver {
     /// Gram matrix of W' (the paper's method), made on first use.
     pub(super) gram: OnceLock<faer::Mat<f64>>,
     pub(super) noise: f64,
+    /// The same shapes on smaller grids, in which poses are searched; from the smallest on.
+    pub(super) levels: Vec<Level>,
+}
+
+/// A smaller grid.
+pub(super) struct Level {
+    pub shrinking: Shrinking,
+    pub perceiver: Perceiver,
 }
 
 /// An observation or a model cannot be used for a query.
@@ -61,6 +70,9 @@ pub enum PerceiveError {
     /// The model file cannot be used.
     #[error(transparent)]
     File(#[from] ModelError),
+    /// A part of the model file that was read for the first time is damaged.
+    #[error(transparent)]
+    Damaged(#[from] Damaged),
     /// There is too little memory for the model.
     #[error(
         "{}: the model needs about {} MB of memory, {limit} has {} MB left: end other processes, or train with a lower --resolution or --most",
@@ -75,6 +87,16 @@ pub enum PerceiveError {
         available: u64,
         /// Who allows no more.
         limit: &'static str,
+    },
+    /// More memory is needed than was allowed.
+    #[error("{}: the model needs about {} MB of memory, {} MB are allowed: allow more, or train with a lower --resolution", path.display(), needed.div_ceil(MB), most / MB)]
+    Bound {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that loading and preparing it take.
+        needed: u64,
+        /// Bytes that were allowed.
+        most: u64,
     },
 }
 
@@ -112,46 +134,74 @@ pub struct Workspace {
     pub(super) finals: Vec<f64>,
     pub(super) samples: Vec<Sample>,
     pub(super) merging: Merging,
-    /// The turn between the grid's frame and the object's, the observation turned by it, and values that are being turned.
+    /// The turn between the grid's frame and the object's, the observation turned by it, and completions that are being turned.
     pub(super) turn: Turn,
     pub(super) turned: Observation,
-    pub(super) values: Vec<f32>,
+    pub(super) moved: Moved,
+    /// Of each smaller grid: scratch memory, the observation on it, and counts for that.
+    pub(super) levels: Vec<LevelWork>,
+    /// Sums over a turned observation.
+    pub(super) sums: SharedSums,
     /// Runs since the query began.
     pub(super) stopwatch: Stopwatch,
 }
 
+/// Scratch memory of a smaller grid.
+pub(super) struct LevelWork {
+    pub work: Workspace,
+    pub seen: Observation,
+    pub counts: Counts,
+}
+
 impl Perceiver {
-    /// Derives what queries need: prefix sums of W', Cholesky factors, class bases over voxels.
+    /// Derives what queries need: prefix sums of W', Cholesky factors, class bases over voxels. A model with smaller grids is read where
+    /// it lies instead, and they are searched.
     pub fn new(model: Arc<Model>) -> Result<Self, PerceiveError> {
         let dims = model.dims();
         let hulls = (0..model.views().len())
             .map(|v| model.classes.par_iter().map(|c| Density::new(&c.hulls[v].mean, &c.hulls[v].covariance)).collect())
             .collect::<Result<_, _>>()?;
         let common = (0..model.views().len()).map(|v| common_density(&model, v)).collect::<Result<_, _>>()?;
-        let subspaces = model.classes.iter().map(|class| ClassSubspace::new(dims, &model.basis, class)).collect();
-        let noise = model.metadata.noise_variance * model.metadata.calibration.noise_inflation;
+        let reading = Reading::new(dims, &model.basis, model.footprint.as_ref());
+        let subspaces = model.classes.iter().map(|class| reading.class(class)).collect();
+        let level = |level: &Model| {
+            Ok(Level { shrinking: Shrinking::new(dims, level.dims()), perceiver: Self::new(Arc::new(level.clone()))? })
+        };
         Ok(Self {
-            sums: ColumnSums::new(dims, &model.basis),
+            reading,
             hulls,
             common,
             subspaces,
-            views: ViewScores::new(&model),
+            views: model.view_densities.as_ref().map(|_| ViewScores::new(&model)),
             cameras: model.camera_densities.as_ref().map(CameraScores::new),
             complete: OnceLock::new(),
             gram: OnceLock::new(),
-            noise,
+            noise: model.metadata.noise_variance * model.metadata.calibration.noise_inflation,
+            levels: model.levels.iter().map(level).collect::<Result<_, PerceiveError>>()?,
             model,
         })
     }
 
     /// Bytes that [`Self::new`] derives from a model: prefix sums of W', class bases over voxels with their Gram matrices, factors
-    /// of the hull densities.
-    pub fn derived_bytes(metadata: &Metadata, rank: usize) -> usize {
+    /// of the hull densities; of one with smaller grids, those of the grids.
+    pub fn derived_bytes(outline: &Outline) -> usize {
+        let Outline { metadata, rank, levels, .. } = outline;
         let (dims, views, m) = (metadata.dims, metadata.settings.views.len(), metadata.classes.len());
+        let densities = views * (m + 1) * Whitening::bytes(*rank);
+        if !levels.is_empty() {
+            return densities + levels.iter().map(Self::derived_bytes).sum::<usize>();
+        }
         let classes: usize = metadata.classes.iter().map(|c| ClassSubspace::bytes(dims, c.basis_size)).sum();
         // At most as many features as the training learns.
         let cameras = if metadata.settings.camera_elevations_deg.is_empty() { 0 } else { CameraScores::bytes(64) };
-        classes + ColumnSums::bytes(dims, rank) + views * (m + 1) * Whitening::bytes(rank) + cameras
+        classes + ColumnSums::bytes(dims, *rank) + densities + cameras
+    }
+
+    /// Bytes that one [`Workspace`] and its answers take at most: observations, the voxels of them, and completions.
+    pub fn workspace_bytes(outline: &Outline) -> usize {
+        let voxels = outline.metadata.dims.voxels();
+        // Of a voxel: bits of five observations; as many filled voxels and runs as a surface has; a completion that is being turned.
+        voxels * 2 + outline.levels.iter().map(Self::workspace_bytes).sum::<usize>()
     }
 
     /// Loads a model file and prepares it for queries, after asking whether there is memory for both: without it, the system would
@@ -160,10 +210,30 @@ impl Perceiver {
     /// # Errors
     /// [`PerceiveError::File`], [`PerceiveError::Memory`], and as [`Self::new`].
     pub fn open(path: &Path) -> Result<Self, PerceiveError> {
+        Self::open_within(path, None)
+    }
+
+    /// The same within `most` bytes of memory: of a file that is read in place, pages beyond that are given back to the system.
+    ///
+    /// # Errors
+    /// [`PerceiveError::File`], [`PerceiveError::Memory`], [`PerceiveError::Bound`], and as [`Self::new`].
+    pub fn open_within(path: &Path, most: Option<u64>) -> Result<Self, PerceiveError> {
         let outline = outline(path)?;
-        let needed = outline.bytes().saturating_add(Self::derived_bytes(&outline.metadata, outline.rank) as u64);
+        let derived = (Self::derived_bytes(&outline) + Self::workspace_bytes(&outline)) as u64;
+        // Pages of a file that is read in place can be given back at any time.
+        let in_place = if outline.levels.is_empty() { 0 } else { outline.basis_bytes };
+        let needed = outline.bytes().saturating_sub(in_place).saturating_add(derived);
         require(path, needed, memory::available())?;
-        Self::new(Arc::new(load(path)?))
+        if let Some(most) = most
+            && most < needed
+        {
+            return Err(PerceiveError::Bound { path: path.to_owned(), needed, most });
+        }
+        let model = load(path)?;
+        if let Some(most) = most {
+            model.basis.bound((most - needed) as usize);
+        }
+        Self::new(Arc::new(model))
     }
 
     /// The model.
@@ -174,6 +244,19 @@ impl Perceiver {
     /// The mean of a class at one voxel, as learned: not clamped to \[0, 1\].
     pub fn class_mean(&self, class: usize, voxel: usize) -> f32 {
         self.subspaces[class].mean(voxel)
+    }
+
+    /// Prefix sums of a model that is searched itself.
+    pub(super) fn column_sums(&self) -> &ColumnSums {
+        match &self.reading {
+            Reading::Derived { sums, .. } => sums,
+            Reading::InPlace(_) => unreachable!("poses of a model that is read in place are searched on smaller grids"),
+        }
+    }
+
+    /// Densities of turned objects of a model that is searched itself.
+    pub(super) fn view_scores(&self) -> &ViewScores {
+        self.views.as_ref().expect("poses of a model with smaller grids are searched on these")
     }
 
     /// Scratch memory for queries.
@@ -195,9 +278,11 @@ impl Perceiver {
             finals: Vec::new(),
             samples: Vec::new(),
             merging: Merging::default(),
-            turn: Turn::new(dims, &Rotation::identity()),
+            turn: Turn::unset(dims),
             turned: Observation::unknown(dims),
-            values: Vec::new(),
+            moved: Moved::default(),
+            levels: self.levels.iter().map(Level::workspace).collect(),
+            sums: SharedSums::default(),
             stopwatch: Stopwatch::start(),
         }
     }
@@ -220,6 +305,10 @@ impl Perceiver {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
         }
         work.read(observation);
+        if self.searches_levels(query) {
+            return self.search_levels(query, work, percept);
+        }
+        self.reading.take_apart(&work.seen, &mut work.known)?;
         let m = self.model.classes.len();
         percept.informed = !work.known.filled.is_empty();
         percept.rotation = Rotation::identity();
@@ -262,6 +351,16 @@ impl Perceiver {
     }
 }
 
+impl Level {
+    fn workspace(&self) -> LevelWork {
+        LevelWork {
+            work: self.perceiver.workspace(),
+            seen: Observation::unknown(self.shrinking.dims()),
+            counts: Counts::default(),
+        }
+    }
+}
+
 /// The densities of one view with the covariance that all classes have in common, recovered from those of the classes: each
 /// was pulled towards it with the same strength.
 fn common_density(model: &Model, view: usize) -> Result<CommonDensity, LinearError> {
@@ -285,7 +384,6 @@ impl Workspace {
     /// Takes in the observation, and forgets the scores of the one before.
     fn read(&mut self, observation: &Observation) {
         self.seen.clone_from(observation);
-        self.known.read(observation);
         self.forget();
     }
 

@@ -37,7 +37,7 @@ impl Perceiver {
         percept.placed = Placed::turned(percept.rotation);
         work.turn.set(&percept.rotation.inverse());
         work.turn.observation_into(&work.seen, query.outside, &mut work.turned);
-        work.known.read(&work.turned);
+        self.reading.take_apart(&work.turned, &mut work.known)?;
         work.forget();
         if query.method == Method::Paper && percept.informed {
             self.project_as_the_paper(query, work)?;
@@ -113,7 +113,7 @@ impl Perceiver {
         let Workspace { known, columns, projected, centred, wanted, .. } = work;
         columns.read(self.model.dims(), &known.hull);
         circle.search(wanted.len(), looked, |angle, scores| {
-            let volume = columns.project(self.model.dims(), &self.sums, -angle, projected);
+            let volume = columns.project(self.model.dims(), self.column_sums(), -angle, projected);
             let residual = log_residual(volume, projected);
             self.common[view].log_densities(projected, wanted, centred, scores);
             scores.iter_mut().for_each(|score| *score += residual);
@@ -144,7 +144,7 @@ impl Perceiver {
         percept.posterior.resize(m, f64::NEG_INFINITY);
         for &angle in finals.iter() {
             let prior = (circle.prior)(&yaw(angle));
-            let volume = work.columns.project(self.model.dims(), &self.sums, -angle, &mut work.projected);
+            let volume = work.columns.project(self.model.dims(), self.column_sums(), -angle, &mut work.projected);
             let residual = log_residual(volume, &work.projected);
             for (s, density) in self.hulls[view].iter().enumerate().filter(|(s, _)| work.wanted[*s]) {
                 let score = residual + density.log_student(&work.projected, dof, &mut work.centred);

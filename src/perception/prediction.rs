@@ -1,14 +1,14 @@
 //! What a class that was conditioned says of unknown voxels: mean and variance of their latent occupancy, a block of voxels of
 //! one column at a time.
 //!
-//! The variance of a voxel with row b is ‖S b‖² with the lower triangular S = L⁻¹Λ^½. Voxels of a column lie side by side in
-//! memory, component by component, so that one value of S serves a whole block of them, and nothing is gathered.
+//! The variance of a voxel with row b is ‖S b‖² with a lower triangular S: L⁻¹Λ^½ in the class's own basis, and the factor of the same
+//! form in W' where that is read instead. Voxels of a column lie side by side, component by component, so that one value of S serves
+//! a whole block of them.
 
 use super::lanes::{LANES, Lanes, multiply_add, widen};
 use super::large_pages::collapse;
 use super::rows::Rows;
 use crate::grid::Dims;
-use crate::model::MOST_COMPONENTS;
 
 /// Rows of S that are multiplied together: enough sums at once to hide the latency of an addition.
 const GROUP: usize = 4;
@@ -29,20 +29,20 @@ pub struct Columns {
 /// The posterior of a class as prediction reads it.
 #[derive(Clone, Debug, Default)]
 pub struct Posterior {
-    /// Mean of the coefficients, k values.
-    pub coefficients: Vec<f32>,
+    /// Components of a voxel.
+    size: usize,
     /// S, and below it the coefficients, for values in the units of the rows; by groups of [`GROUP`] rows: for each of their
     /// columns the values of these rows.
     factors: Vec<[f32; GROUP]>,
 }
 
 /// Memory for one block at a time.
-pub struct Scratch([Lanes; MOST_COMPONENTS]);
-
-impl Default for Scratch {
-    fn default() -> Self {
-        Self([[0.0; LANES]; MOST_COMPONENTS])
-    }
+#[derive(Default)]
+pub struct Scratch {
+    /// Components of the block's voxels, as [`Posterior::predict`] takes them.
+    pub block: Vec<Lanes>,
+    /// Rows as they lie in memory, where they have to be rearranged.
+    pub rows: Vec<f32>,
 }
 
 /// Of a block of voxels.
@@ -62,21 +62,29 @@ fn columns_of(first: usize, size: usize) -> usize {
 }
 
 impl Posterior {
-    /// Room for a class with `size` directions.
+    /// Room for voxels of `size` components.
     pub fn new(size: usize) -> Self {
-        let factors = (0..=size).step_by(GROUP).map(|first| columns_of(first, size)).sum();
-        Self { coefficients: vec![0.0; size], factors: vec![[0.0; GROUP]; factors] }
+        let mut posterior = Self::default();
+        posterior.resize(size);
+        posterior
     }
 
-    /// Takes in S, given by its entries (i, j), j ≤ i, and the units of each component of the rows.
-    pub fn prepare(&mut self, units: &[f32], mut entry: impl FnMut(usize, usize) -> f32) {
-        let size = self.coefficients.len();
+    /// Makes room for voxels of `size` components.
+    pub fn resize(&mut self, size: usize) {
+        let factors = (0..=size).step_by(GROUP).map(|first| columns_of(first, size)).sum();
+        self.size = size;
+        self.factors.resize(factors, [0.0; GROUP]);
+    }
+
+    /// Takes in the mean of the coefficients, S by its entries (i, j), j ≤ i, and the units of each component of the rows.
+    pub fn prepare(&mut self, units: &[f32], coefficients: &[f32], mut entry: impl FnMut(usize, usize) -> f32) {
+        let size = self.size;
         let mut out = self.factors.iter_mut();
         for first in (0..=size).step_by(GROUP) {
             for (j, out) in (0..columns_of(first, size)).zip(&mut out) {
                 for (i, out) in (first..).zip(out) {
                     *out = match i {
-                        _ if i == size => self.coefficients[j] * units[j],
+                        _ if i == size => coefficients[j] * units[j],
                         _ if j <= i && i < size => entry(i, j) * units[j],
                         _ => 0.0,
                     };
@@ -107,26 +115,35 @@ impl Columns {
         dims.columns() * (size + 1) * dims.z().next_multiple_of(LANES)
     }
 
-    /// Mean and variance of the voxels of a column from `z` on, a multiple of [`LANES`].
+    /// The components of the voxels of a column from `z` on, a multiple of [`LANES`], into the scratch memory; gives their class means.
     #[inline(always)]
-    pub fn predict<const FUSED: bool>(&self, posterior: &Posterior, column: usize, z: usize, scratch: &mut Scratch) -> Predicted {
+    pub fn load(&self, column: usize, z: usize, scratch: &mut Scratch) -> Lanes {
         let first = (column * self.blocks + z / LANES) * (self.size + 1);
         let values = &self.values[first..=first + self.size];
-        let rows = &mut scratch.0[..self.size];
-        for (row, values) in rows.iter_mut().zip(values) {
+        scratch.block.resize(self.size, [0.0; LANES]);
+        for (row, values) in scratch.block.iter_mut().zip(values) {
             *row = widen(values);
         }
         let mut class_mean = widen(&values[self.size]);
         for value in &mut class_mean {
             *value *= self.mean_unit;
         }
+        class_mean
+    }
+}
+
+impl Posterior {
+    /// Mean and variance of a block of voxels, given their components and class means.
+    #[inline(always)]
+    pub fn predict<const FUSED: bool>(&self, block: &[Lanes], class_mean: Lanes) -> Predicted {
+        let size = block.len();
         let (mut mean, mut variance) = (class_mean, [0.0; LANES]);
-        let mut factors = &posterior.factors[..];
-        for first in (0..=self.size).step_by(GROUP) {
-            let (group, rest) = factors.split_at(columns_of(first, self.size));
+        let mut factors = &self.factors[..];
+        for first in (0..=size).step_by(GROUP) {
+            let (group, rest) = factors.split_at(columns_of(first, size));
             factors = rest;
             let mut sums = [[0.0_f32; LANES]; GROUP];
-            for (b, factors) in rows.iter().zip(group) {
+            for (b, factors) in block.iter().zip(group) {
                 for g in 0..GROUP {
                     for l in 0..LANES {
                         sums[g][l] = multiply_add::<FUSED>(factors[g], b[l], sums[g][l]);
@@ -135,7 +152,7 @@ impl Columns {
             }
             for (g, sums) in sums.iter().enumerate() {
                 // After the row of coefficients there is nothing but zeros.
-                let (squared, added) = if first + g == self.size { (0.0, 1.0) } else { (1.0, 0.0) };
+                let (squared, added) = if first + g == size { (0.0, 1.0) } else { (1.0, 0.0) };
                 for l in 0..LANES {
                     variance[l] = multiply_add::<FUSED>(squared * sums[l], sums[l], variance[l]);
                     mean[l] = multiply_add::<FUSED>(added, sums[l], mean[l]);
@@ -162,11 +179,13 @@ mod tests {
             let columns = Columns::new(dims, size, &rows);
             let mut posterior = Posterior::new(size);
             let s = |i: usize, j: usize| value(i * 17 + j + 5);
-            (0..size).for_each(|h| posterior.coefficients[h] = value(h + 99));
-            posterior.prepare(rows.scales(), s);
+            let coefficients: Vec<f32> = (0..size).map(|h| value(h + 99)).collect();
+            posterior.prepare(rows.scales(), &coefficients, s);
             for column in [0, 37, 63] {
                 for at in (0..z).step_by(LANES) {
-                    let found = columns.predict::<false>(&posterior, column, at, &mut Scratch::default());
+                    let mut scratch = Scratch::default();
+                    let class_mean = columns.load(column, at, &mut scratch);
+                    let found = posterior.predict::<false>(&scratch.block, class_mean);
                     for l in 0..LANES.min(z - at) {
                         let row: Vec<f32> = (0..=size).map(|h| rows.value(column * z + at + l, h)).collect();
                         let mean = row[size] + (0..size).map(|h| row[h] * value(h + 99)).sum::<f32>();

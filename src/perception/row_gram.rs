@@ -17,10 +17,17 @@ pub fn packed_len(width: usize) -> usize {
     width * (width + 1) / 2
 }
 
+/// Values that are read of a row of this width: whole blocks of lanes.
+pub fn span(width: usize) -> usize {
+    width.next_multiple_of(LANES)
+}
+
 /// Adds Σ rowᵀrow to `out`; products are summed in single precision, so give it no more than a few hundred rows at a time.
 pub struct AddGram<'a> {
-    /// The rows, `stride` values each, of which the first `width` count. The stride is a multiple of [`LANES`].
+    /// Rows of which the first `width` values count. After the last, as many more values as [`span`] is longer than a row.
     pub rows: &'a [f32],
+    /// Number of rows.
+    pub count: usize,
     /// Values from row to row.
     pub stride: usize,
     /// Values of a row that count.
@@ -34,14 +41,16 @@ impl Kernel for AddGram<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Self { rows, stride, width, out } = self;
+        let Self { rows, count, stride, width, out } = self;
+        let span = span(width);
         for first in (0..width).step_by(GROUP) {
             let group = first..(first + GROUP).min(width);
             for from in (0..group.end).step_by(LANES) {
                 let mut sums = [[0.0_f32; LANES]; GROUP];
-                for row in rows.chunks_exact(stride) {
+                for at in (0..count * stride).step_by(stride) {
+                    let row = &rows[at..at + span];
                     let b = load(&row[from..]);
-                    let a: &[f32; GROUP] = row[first..].first_chunk().expect("strides are whole groups");
+                    let a: &[f32; GROUP] = row[first..].first_chunk().expect("spans are whole groups");
                     for g in 0..GROUP {
                         for l in 0..LANES {
                             sums[g][l] = multiply_add::<FUSED>(a[g], b[l], sums[g][l]);
@@ -76,12 +85,12 @@ mod tests {
 
     #[test]
     fn the_kernel_sums_as_the_plain_loops_do() {
-        for width in [1, 3, 4, 15, 16, 17, 32, 41] {
-            let stride = usize::next_multiple_of(width, LANES);
-            let rows: Vec<f32> = (0..57 * stride).map(|i| ((i * 7919 % 1009) as f32 / 1009.0) - 0.4).collect();
+        for (width, stride) in [1, 3, 4, 15, 16, 17, 32, 41].into_iter().flat_map(|width| [(width, width), (width, span(width))]) {
+            let rows: Vec<f32> = (0..56 * stride + span(width)).map(|i| ((i * 7919 % 1009) as f32 / 1009.0) - 0.4).collect();
             let (mut found, mut expected) = (vec![1.0; packed_len(width)], vec![1.0; packed_len(width)]);
-            dispatch(AddGram { rows: &rows, stride, width, out: &mut found });
-            add_outer(&mut expected, &rows, stride, width, 0..57);
+            dispatch(AddGram { rows: &rows, count: 57, stride, width, out: &mut found });
+            let padded: Vec<f32> = rows.iter().copied().chain(std::iter::repeat_n(0.0, stride)).collect();
+            add_outer(&mut expected, &padded, stride, width, 0..57);
             for (a, b) in found.iter().zip(&expected) {
                 assert!((a - b).abs() < 1e-4, "{width}: {a} {b}");
             }

@@ -58,7 +58,7 @@ impl Perceiver {
     }
 
     fn score_hull(&self, view: usize, work: &mut Workspace, percept: &mut Percept) {
-        self.sums.project(&work.known.hull, &mut work.projected);
+        self.reading.project_hull(&work.known, &mut work.projected);
         percept.timings.projected = work.stopwatch.elapsed();
         let dof = self.model.metadata.calibration.degrees_of_freedom;
         let scores = self.hulls[view].iter().map(|d| d.log_student(&work.projected, dof, &mut work.centred));

@@ -6,10 +6,11 @@
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
 use super::known::Known;
-use super::lanes::{Kernel, LANES, dispatch, multiply_add, widen};
-use super::prediction::{Columns, Posterior};
+use super::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
+use super::prediction::{Columns, Posterior, Predicted, Scratch};
 use super::row_gram::{AddGram, packed, packed_len};
 use super::rows::Rows;
+use super::shared_rows::{SharedRows, SharedSums};
 use super::tiles::{TileGrams, Tiling};
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky_rows, dot64, symmetric_eigen};
@@ -17,6 +18,7 @@ use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Voxels whose products are formed at once.
 const BLOCK: usize = 1024;
@@ -26,15 +28,29 @@ pub struct ClassSubspace {
     /// k, the number of directions.
     size: usize,
     /// d rows of [W_s, μ_s, 1].
-    rows: Rows,
-    /// The same without the ones, column by column.
-    columns: Columns,
+    rows: ClassRows,
     /// Square roots of the prior variances.
     scales: Vec<f64>,
     /// Gram matrix of the rows over all voxels, packed lower triangle.
     gram: Vec<f64>,
-    /// The same over stacks of voxels.
-    tiles: TileGrams,
+}
+
+/// A class's rows over the voxels.
+enum ClassRows {
+    /// Derived from W' once and kept: the fastest, at some 200 bytes per voxel and class.
+    Derived {
+        rows: Rows,
+        /// The same without the ones, column by column.
+        columns: Columns,
+        /// Gram matrices over stacks of voxels.
+        tiles: TileGrams,
+    },
+    /// Combinations of the columns of W', which is read where it lies. Its sums over an observation serve all classes.
+    Shared {
+        rows: Arc<SharedRows>,
+        /// a × (k + 1): directions and mean in coordinates of W'.
+        transform: Mat<f64>,
+    },
 }
 
 /// The posterior of one class given one query; reused from query to query.
@@ -43,7 +59,9 @@ pub struct Conditional {
     pub log_evidence: f64,
     /// Squared distance of the class mean to the known voxels, ‖w − V μ_s‖².
     pub distance2: f64,
-    /// Posterior of the coefficients; its spread after [`ClassSubspace::prepare`].
+    /// Posterior mean of the coefficients, k values.
+    pub coefficients: Vec<f32>,
+    /// What prediction needs of the posterior, after [`ClassSubspace::prepare`].
     pub posterior: Posterior,
     gathered: Vec<f32>,
     /// Gram matrix over the unknown voxels, packed lower triangle.
@@ -61,8 +79,9 @@ impl Conditional {
         Self {
             log_evidence: 0.0,
             distance2: 0.0,
+            coefficients: vec![0.0; size],
             posterior: Posterior::new(size),
-            gathered: vec![0.0; BLOCK * stride],
+            gathered: Vec::new(),
             unknown: vec![0.0; packed_len(size + 2)],
             filled: vec![0.0; stride],
             factor: vec![0.0; size * size],
@@ -109,7 +128,7 @@ impl ClassSubspace {
             .par_chunks(BLOCK * stride)
             .map(|rows| {
                 let mut gram = vec![0.0; packed_len(width)];
-                dispatch(AddGram { rows, stride, width, out: &mut gram });
+                dispatch(AddGram { rows, count: rows.len() / stride, stride, width, out: &mut gram });
                 gram
             })
             .collect();
@@ -119,7 +138,17 @@ impl ClassSubspace {
         }
         let tiles = TileGrams::new(Tiling::new(dims), &wide, stride, width);
         let columns = Columns::new(dims, k, &rows);
-        Self { size: k, rows, columns, scales: class.variances.iter().map(|v| v.sqrt()).collect(), gram, tiles }
+        Self { size: k, rows: ClassRows::Derived { rows, columns, tiles }, scales: roots(&class.variances), gram }
+    }
+
+    /// The same class, without anything derived over voxels: observations are summed by [`SharedRows::sum`] before.
+    pub fn shared(rows: &Arc<SharedRows>, class: &ClassModel) -> Self {
+        let (a, k) = (rows.rank(), class.variances.len());
+        let entry = |i: usize, h: usize| f64::from(if h < k { class.directions[h * a + i] } else { class.mean[i] });
+        let transform = Mat::from_fn(a, k + 1, entry);
+        let mut gram = vec![0.0; packed_len(k + 2)];
+        transform_gram(rows.gram(), &transform, &mut gram);
+        Self { size: k, rows: ClassRows::Shared { rows: rows.clone(), transform }, scales: roots(&class.variances), gram }
     }
 
     /// Bytes that [`Self::new`] keeps for a class with `size` directions.
@@ -154,13 +183,37 @@ impl ClassSubspace {
 
     /// The class mean of one voxel, as learned (not clamped).
     pub fn mean(&self, voxel: usize) -> f32 {
-        self.rows.value(voxel, self.size)
+        match &self.rows {
+            ClassRows::Derived { rows, .. } => rows.value(voxel, self.size),
+            ClassRows::Shared { rows, transform } => {
+                let mut row = vec![0.0; rows.rank()];
+                rows.row(voxel, &mut row);
+                row.iter().zip(transform.col_as_slice(self.size)).map(|(v, m)| v * *m as f32).sum()
+            }
+        }
     }
 
-    /// Basis and mean as prediction reads them.
+    /// What the posterior predicts of the voxels of a column from `z` on, a multiple of [`LANES`].
     #[inline(always)]
-    pub(super) fn columns(&self) -> &Columns {
-        &self.columns
+    pub(super) fn predict<const FUSED: bool>(&self, posterior: &Posterior, column: usize, z: usize, scratch: &mut Scratch) -> Predicted {
+        match &self.rows {
+            ClassRows::Derived { columns, .. } => {
+                let class_mean = columns.load(column, z, scratch);
+                posterior.predict::<FUSED>(&scratch.block, class_mean)
+            }
+            ClassRows::Shared { rows, transform } => {
+                let mut class_mean: Lanes = [0.0; LANES];
+                if !rows.load(column, z, scratch) {
+                    return Predicted { mean: class_mean, variance: class_mean, class_mean };
+                }
+                for (values, weight) in scratch.block.iter().zip(transform.col_as_slice(self.size)) {
+                    for l in 0..LANES {
+                        class_mean[l] = multiply_add::<FUSED>(*weight as f32, values[l], class_mean[l]);
+                    }
+                }
+                posterior.predict::<FUSED>(&scratch.block, class_mean)
+            }
+        }
     }
 
     /// Conditions the class on the known voxels, with noise variance `noise`.
@@ -171,8 +224,33 @@ impl ClassSubspace {
 
     /// All that conditioning reads of the voxels, whatever the noise.
     pub fn gather(&self, known: &Known, out: &mut Conditional) {
-        self.unknown_gram(known, out);
-        self.rows.add(&known.filled, &mut out.filled);
+        match &self.rows {
+            ClassRows::Derived { rows, tiles, .. } => {
+                unknown_gram(rows, tiles, self.size, known, out);
+                rows.add(&known.filled, &mut out.filled);
+            }
+            ClassRows::Shared { .. } => self.gather_shared(&known.sums, out),
+        }
+    }
+
+    /// The same from sums over W' that [`SharedRows`] has made.
+    pub(super) fn gather_shared(&self, sums: &SharedSums, out: &mut Conditional) {
+        let ClassRows::Shared { transform, .. } = &self.rows else {
+            unreachable!("sums over W' belong to classes that read it in place");
+        };
+        transform_gram(&sums.unknown, transform, &mut out.unknown);
+        let (rows, ones) = sums.filled.split_at(transform.nrows());
+        for (h, sum) in out.filled[..=self.size].iter_mut().enumerate() {
+            *sum = transform.col_as_slice(h).iter().zip(rows).map(|(t, v)| t * v).sum();
+        }
+        out.filled[self.size + 1] = ones[0];
+    }
+
+    /// Log density without a class, noise of this variance about zero, of the voxels that such sums count as known.
+    pub(super) fn background(&self, noise: f64, sums: &SharedSums) -> f64 {
+        let (all, last) = (self.gram.last(), |sums: &[f64]| sums.last().copied().unwrap_or(0.0));
+        let voxels = all.copied().unwrap_or(0.0) - last(&sums.unknown);
+        -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + last(&sums.filled) / noise)
     }
 
     /// Conditions the class on what [`Self::gather`] has read, with noise variance `noise`.
@@ -210,7 +288,7 @@ impl ClassSubspace {
             half[i] /= l[i * k + i];
             let value = half[i];
             half[..i].iter_mut().zip(&l[i * k..]).for_each(|(half, l)| *half -= l * value);
-            out.posterior.coefficients[i] = (self.scales[i] * value) as f32;
+            out.coefficients[i] = (self.scales[i] * value) as f32;
         }
         Ok(())
     }
@@ -225,29 +303,21 @@ impl ClassSubspace {
         }
     }
 
-    /// The Gram matrix of the rows over the unknown voxels, into `out.unknown`.
-    fn unknown_gram(&self, known: &Known, out: &mut Conditional) {
-        let (stride, width) = (self.rows.stride(), self.size + 2);
-        out.unknown.fill(0.0);
-        dispatch(self.tiles.add(&known.division.levels, &mut out.unknown));
-        let mut rest = &known.division.rest[..];
-        while !rest.is_empty() {
-            // As many runs as fit; one has at most 256 voxels.
-            let mut voxels = 0;
-            let mut fits = |(start, end): &(usize, usize)| {
-                voxels += end - start;
-                voxels <= BLOCK
-            };
-            let (runs, later) = rest.split_at(rest.iter().take_while(|run| fits(run)).count());
-            rest = later;
-            let count = self.rows.widen(runs, &mut out.gathered);
-            dispatch(AddGram { rows: &out.gathered[..count], stride, width, out: &mut out.unknown });
-        }
-    }
-
     /// Posterior mean of the latent occupancy of every voxel, in their order, not clamped; `conditional` was conditioned before.
-    pub fn reconstruct(&self, conditional: &Conditional, each: impl FnMut(f32)) {
-        dispatch(Reconstruct { class: self, coefficients: &conditional.posterior.coefficients, each });
+    pub fn reconstruct(&self, conditional: &Conditional, mut each: impl FnMut(f32)) {
+        match &self.rows {
+            ClassRows::Derived { rows, .. } => {
+                dispatch(Reconstruct { rows, size: self.size, coefficients: &conditional.coefficients, each });
+            }
+            ClassRows::Shared { rows, transform } => {
+                let weights = in_shared(transform, conditional.coefficients.iter().copied().chain([1.0]));
+                let mut row = vec![0.0; weights.len()];
+                for voxel in 0..rows.voxels() {
+                    rows.row(voxel, &mut row);
+                    each(row.iter().zip(&weights).map(|(v, w)| v * *w as f32).sum());
+                }
+            }
+        }
     }
 
     /// Prepares `conditional` for prediction: S = L⁻¹ Λ^½, which gives variances.
@@ -263,15 +333,99 @@ impl ClassSubspace {
                 l[j * k + i] = column[i];
             }
         }
-        let entry = |i: usize, j: usize| if i == j { 1.0 / l[i * k + i] } else { l[j * k + i] };
-        let units = self.rows.scales();
-        conditional.posterior.prepare(units, |i, j| (entry(i, j) * self.scales[j]) as f32);
+        let entry = |i: usize, j: usize| self.scales[j] * if i == j { 1.0 / l[i * k + i] } else { l[j * k + i] };
+        match &self.rows {
+            ClassRows::Derived { rows, .. } => {
+                conditional.posterior.prepare(rows.scales(), &conditional.coefficients, |i, j| entry(i, j) as f32);
+            }
+            ClassRows::Shared { transform, .. } => {
+                // ‖S Tᵀ w‖² = ‖F w‖² with F lower triangular, as the same kernel takes it.
+                let spread = Mat::from_fn(k, transform.nrows(), |i, h| (0..=i).map(|j| entry(i, j) * transform[(h, j)]).sum::<f64>());
+                let factor = lower_factor(&(spread.transpose() * &spread));
+                let coefficients = in_shared(transform, conditional.coefficients.iter().copied());
+                let coefficients: Vec<f32> = coefficients.into_iter().map(|v| v as f32).collect();
+                conditional.posterior.resize(coefficients.len());
+                let units = vec![1.0; coefficients.len()];
+                conditional.posterior.prepare(&units, &coefficients, |i, j| factor[(i, j)] as f32);
+            }
+        }
+    }
+}
+
+fn roots(variances: &[f64]) -> Vec<f64> {
+    variances.iter().map(|v| v.sqrt()).collect()
+}
+
+/// The Gram matrix of [W' T, 1], packed, from that of [W', 1], packed.
+fn transform_gram(shared: &[f64], transform: &Mat<f64>, out: &mut [f64]) {
+    let (a, k) = (transform.nrows(), transform.ncols());
+    let entry = |i: usize, j: usize| shared[packed(i.max(j), i.min(j))];
+    // Gram matrix times T, and the sums of the rows times T.
+    let product = Mat::from_fn(a, k, |i, h| (0..a).map(|j| entry(i, j) * transform[(j, h)]).sum::<f64>());
+    for h in 0..k {
+        for g in 0..=h {
+            out[packed(h, g)] = transform.col_as_slice(h).iter().zip(product.col_as_slice(g)).map(|(t, p)| t * p).sum();
+        }
+        out[packed(k, h)] = (0..a).map(|i| entry(a, i) * transform[(i, h)]).sum();
+    }
+    out[packed(k, k)] = entry(a, a);
+}
+
+/// Coordinates in W' of a combination of the first columns of `transform`.
+fn in_shared(transform: &Mat<f64>, weights: impl Iterator<Item = f32>) -> Vec<f64> {
+    let mut out = vec![0.0; transform.nrows()];
+    for (h, weight) in weights.enumerate() {
+        out.iter_mut().zip(transform.col_as_slice(h)).for_each(|(out, t)| *out += f64::from(weight) * t);
+    }
+    out
+}
+
+/// A lower triangular F with FᵀF = Q, of a positive semidefinite Q: Cholesky's recursion from the last row on. Directions without
+/// spread get a row of zeros.
+fn lower_factor(q: &Mat<f64>) -> Mat<f64> {
+    let n = q.nrows();
+    let largest = (0..n).map(|i| q[(i, i)]).fold(0.0, f64::max);
+    let mut factor = Mat::zeros(n, n);
+    for i in (0..n).rev() {
+        let above = |factor: &Mat<f64>, j: usize| (i + 1..n).map(|m| factor[(m, i)] * factor[(m, j)]).sum::<f64>();
+        let pivot = q[(i, i)] - above(&factor, i);
+        if pivot <= 1e-12 * largest {
+            continue;
+        }
+        let root = pivot.sqrt();
+        for j in 0..i {
+            factor[(i, j)] = (q[(i, j)] - above(&factor, j)) / root;
+        }
+        factor[(i, i)] = root;
+    }
+    factor
+}
+
+/// The Gram matrix of a class's derived rows over the unknown voxels, into `out.unknown`.
+fn unknown_gram(rows: &Rows, tiles: &TileGrams, size: usize, known: &Known, out: &mut Conditional) {
+    let (stride, width) = (rows.stride(), size + 2);
+    out.gathered.resize(BLOCK * stride, 0.0);
+    out.unknown.fill(0.0);
+    dispatch(tiles.add(&known.division.levels, &mut out.unknown));
+    let mut rest = &known.division.rest[..];
+    while !rest.is_empty() {
+        // As many runs as fit; one has at most 256 voxels.
+        let mut voxels = 0;
+        let mut fits = |(start, end): &(usize, usize)| {
+            voxels += end - start;
+            voxels <= BLOCK
+        };
+        let (runs, later) = rest.split_at(rest.iter().take_while(|run| fits(run)).count());
+        rest = later;
+        let values = rows.widen(runs, &mut out.gathered);
+        dispatch(AddGram { rows: &out.gathered, count: values / stride, stride, width, out: &mut out.unknown });
     }
 }
 
 /// Calls `each` with the mean of every voxel, given the coefficients.
 struct Reconstruct<'a, F> {
-    class: &'a ClassSubspace,
+    rows: &'a Rows,
+    size: usize,
     coefficients: &'a [f32],
     each: F,
 }
@@ -281,7 +435,7 @@ impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) {
-        let (rows, size) = (&self.class.rows, self.class.size);
+        let (rows, size) = (self.rows, self.size);
         // The class mean with a coefficient of one; the rest of the last block with zeros.
         let mut factors = [[0.0; LANES]; MOST_COMPONENTS / LANES + 1];
         let weights = self.coefficients.iter().copied().chain([1.0]).zip(rows.scales());
@@ -396,7 +550,7 @@ mod tests {
             let cross: Vec<f64> = known.iter().map(|v| covariance(voxel, *v)).collect();
             let mean = voxel_mean(voxel) + cross.iter().zip(&weighted).map(|(c, w)| c * w).sum::<f64>();
             let explained: f64 = (0..n).map(|i| (0..n).map(|j| cross[i] * precision[(i, j)] * cross[j]).sum::<f64>()).sum();
-            let predicted = subspace.columns().predict::<false>(&conditional.posterior, voxel / 8, 0, &mut Scratch::default());
+            let predicted = subspace.predict::<false>(&conditional.posterior, voxel / 8, 0, &mut Scratch::default());
             let (m, v) = (predicted.mean[voxel % 8], predicted.variance[voxel % 8]);
             assert!((f64::from(m) - mean).abs() < 1e-3, "{m} {mean}");
             assert!((f64::from(v) - (covariance(voxel, voxel) - explained)).abs() < 1e-3, "{v}");

@@ -106,7 +106,7 @@ impl Perceiver {
         percept.timings.posed = work.stopwatch.elapsed();
         work.turn.set_to_object(&percept.placed);
         work.turn.observation_into(&work.seen, query.outside, &mut work.turned);
-        work.known.read(&work.turned);
+        self.reading.take_apart(&work.turned, &mut work.known)?;
         work.forget();
         Ok(())
     }

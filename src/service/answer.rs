@@ -5,7 +5,6 @@ use super::streams::Waiting;
 use super::tracks::Tracks;
 use crate::grid::{Observation, Rotation, from_xyzw, to_xyzw};
 use crate::model::Model;
-use crate::perception::lanes::to_bytes;
 use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
@@ -59,7 +58,8 @@ impl Answerer {
     pub fn rehearse(&mut self) -> Result<(), PerceiveError> {
         let nothing = Observation::unknown(self.model().dims());
         self.perceiver.classify(&nothing, &self.query, &mut self.work, &mut self.percept)?;
-        self.perceiver.complete(&self.query, &mut self.work, &mut self.percept)
+        let (mut occupancy, mut deviation) = (vec![0_u8; nothing.dims().voxels()], vec![0_u8; nothing.dims().voxels()]);
+        self.perceiver.complete_into(&self.query, &mut self.work, &mut self.percept, &mut occupancy, &mut deviation)
     }
 
     /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be
@@ -129,7 +129,6 @@ impl Answerer {
 
     /// Writes the completion in place into shared memory.
     fn complete(&mut self, server: &Server, waiting: &Waiting) -> Result<(), String> {
-        self.perceiver.complete(&self.query, &mut self.work, &mut self.percept).map_err(|error| error.to_string())?;
         let mut loan = server.loan_completion(&waiting.header).map_err(|error: LoanError| error.to_string())?;
         let header = loan.header_mut();
         header.model_id = self.perceiver.model().id;
@@ -143,9 +142,8 @@ impl Answerer {
             header.voxel_size_m *= self.percept.placed.scale as f32;
         }
         let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
-        for (bytes, values) in [(occupancy, &self.percept.occupancy), (deviation, &self.percept.deviation)] {
-            to_bytes(values, bytes);
-        }
+        let completed = self.perceiver.complete_into(&self.query, &mut self.work, &mut self.percept, occupancy, deviation);
+        completed.map_err(|error| error.to_string())?;
         loan.send().map_err(|error| error.to_string())
     }
 }

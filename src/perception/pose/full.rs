@@ -128,7 +128,7 @@ impl Perceiver {
         let temperature = if by_evidence { TEMPERATURE } else { HULL_TEMPERATURE };
         let weight = EVIDENCE_WEIGHT * self.model.metadata.calibration.noise_inflation;
         let map = HeightMap::of(&work.seen);
-        let screen = self.views.screen(&self.model, &map, &prior.wanted);
+        let screen = self.view_scores().screen(&self.model, &map, &prior.wanted);
         let mut peaks: Vec<Option<Peaks>> = (0..m)
             .into_par_iter()
             .map(|class| prior.wanted[class].then(|| self.peaks_of_views(class, &screen, &map, prior, temperature)))
@@ -170,12 +170,12 @@ impl Perceiver {
     fn peaks_of_views(&self, class: usize, screen: &Screen, map: &HeightMap, prior: &Prior<'_>, temperature: f64) -> Peaks {
         let log_prior = |rotation: &Rotation| temperature * (prior.log_density)(rotation);
         let mut cells: Vec<(f64, usize)> =
-            (0..CELLS).map(|cell| (screen.score(class, cell) + log_prior(self.views.rotation(cell)), cell)).collect();
+            (0..CELLS).map(|cell| (screen.score(class, cell) + log_prior(self.view_scores().rotation(cell)), cell)).collect();
         let hints: Vec<Candidate> = prior
             .hints
             .iter()
             .map(|hint| {
-                let score = self.views.score_at(&self.model, map, hint, class) + log_prior(hint);
+                let score = self.view_scores().score_at(&self.model, map, hint, class) + log_prior(hint);
                 Candidate { cell: *hint, rotation: *hint, score }
             })
             .collect();
@@ -189,9 +189,9 @@ impl Perceiver {
         let usual = 1.0 / CELLS as f64;
         let mut looked: Vec<(Candidate, f64)> = hints.into_iter().map(|hint| (hint, prior.share(&hint.rotation, usual))).collect();
         looked.extend(cells.into_iter().map(|(_, cell)| {
-            let rotation = self.views.regressed(&self.model, screen, class, cell);
+            let rotation = self.view_scores().regressed(&self.model, screen, class, cell);
             let score = screen.score(class, cell) + log_prior(&rotation);
-            (Candidate { cell: *self.views.rotation(cell), rotation, score }, usual)
+            (Candidate { cell: *self.view_scores().rotation(cell), rotation, score }, usual)
         }));
         Peaks::new(looked, total)
     }
@@ -324,12 +324,12 @@ mod tests {
             let truth = grid[seed as usize * 3001 % grid.len()];
             let view = View::Top.of(&Turn::new(model().dims(), &truth).occupancy(&unseen("chair", seed)));
             let map = HeightMap::of(&view);
-            let screen = perceiver.views.screen(model(), &map, &prior.wanted);
+            let screen = perceiver.view_scores().screen(model(), &map, &prior.wanted);
             for class in 0..3 {
                 let peaks = perceiver.peaks_of_views(class, &screen, &map, &prior, 1.0);
                 assert!(peaks.candidates.is_sorted_by(|a, b| a.score >= b.score));
                 let found = modes(&peaks.candidates, AVERAGING, MODES_OF_KNOWN_CLASS);
-                let scores: Vec<f64> = grid.par_iter().map(|r| perceiver.views.score_at(model(), &map, r, class)).collect();
+                let scores: Vec<f64> = grid.par_iter().map(|r| perceiver.view_scores().score_at(model(), &map, r, class)).collect();
                 let best = (0..grid.len()).fold(0, |best, i| if scores[i] > scores[best] { i } else { best });
                 // What the finer grid finds beyond the coarse one is a fraction of what sets modes apart.
                 near += usize::from(found.iter().any(|mode| mode.rotation.angle_to(&grid[best]) < degrees(20.0)));

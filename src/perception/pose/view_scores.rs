@@ -40,7 +40,7 @@ impl Screen {
 impl ViewScores {
     /// Prepares the densities of a model.
     pub fn new(model: &Model) -> Self {
-        let densities = &model.view_densities;
+        let densities = model.searched_views();
         Self { features: HullFeatures::new(model.dims(), densities.size, &densities.basis), rotations: viewpoint::rotations() }
     }
 
@@ -62,7 +62,7 @@ impl ViewScores {
             || Scratch::new(p),
             |scratch, (direction, scores)| {
                 for (class, scores) in scores.chunks_exact_mut(TURNS).enumerate().filter(|(class, _)| wanted[*class]) {
-                    scratch.load(&model.view_densities, direction, class, m);
+                    scratch.load(model.searched_views(), direction, class, m);
                     scores.copy_from_slice(&scratch.log_densities(&turned));
                 }
             },
@@ -76,7 +76,7 @@ impl ViewScores {
         let mut z = vec![0.0; self.features.size()];
         self.features.project(&map.turned(-turn), &mut z);
         let mut scratch = Scratch::new(z.len());
-        scratch.load(&model.view_densities, direction, class, model.classes.len());
+        scratch.load(model.searched_views(), direction, class, model.classes.len());
         let turned: Vec<[f32; TURNS]> = z.iter().map(|z| [*z; TURNS]).collect();
         f64::from(scratch.log_densities(&turned)[0])
     }
@@ -86,10 +86,10 @@ impl ViewScores {
         let (p, m) = (self.features.size(), model.classes.len());
         let (direction, turn) = (cell / TURNS, cell % TURNS);
         let z = &screen.features[turn * p..(turn + 1) * p];
-        let mean = model.view_densities.mean(direction, class, m);
+        let mean = model.searched_views().mean(direction, class, m);
         let centred: Vec<f32> = z.iter().zip(mean).map(|(z, mean)| z - mean.to_f32()).collect();
         let mut rows = vec![0.0; 3 * p];
-        model.view_densities.regression(direction, class, m).convert_to_f32_slice(&mut rows);
+        model.searched_views().regression(direction, class, m).convert_to_f32_slice(&mut rows);
         let offset = Vector3::from_fn(|axis, _| f64::from(dot(&rows[axis * p..(axis + 1) * p], &centred)));
         let in_plane = yaw(viewpoint::angle(turn));
         in_plane * Rotation::from_scaled_axis(offset) * in_plane.inverse() * self.rotations[cell]
