@@ -12,6 +12,7 @@ use crate::model::Basis;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use half::f16;
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 
@@ -116,7 +117,7 @@ pub(super) fn shared_basis(
         let mut product = Mat::<f32>::zeros(rank, block.nrows());
         matmul(product.as_mut(), Accum::Replace, transform.transpose(), block.transpose(), 1.0, Par::Seq);
         for (v, row) in out.chunks_exact_mut(rank).enumerate() {
-            row.iter_mut().zip(product.col_as_slice(v)).for_each(|(out, v)| *out = f16::from_f32(*v));
+            row.convert_from_f32_slice(product.col_as_slice(v));
         }
     });
     Ok(Basis::new(rank, rows))
