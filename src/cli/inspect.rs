@@ -67,6 +67,7 @@ fn summary(model: &Model, file_bytes: u64) -> String {
     let turned = 2 * (densities.basis.len() + densities.means.len() + densities.whitening.len() + densities.regression.len());
     let shapes: usize = meta.classes.iter().map(|c| c.shapes).sum();
     let views: Vec<&str> = model.views().iter().map(|v| v.name()).collect();
+    let splits = if set.splits.is_empty() { "no splits".into() } else { format!("splits {}", set.splits.join(", ")) };
     let licence = if meta.licence.is_empty() { "not stated" } else { &meta.licence };
     let lines = [
         ("model", format!("{:016x}, format {}, by beo {}", model.id, meta.format_version, meta.beo_version)),
@@ -77,10 +78,7 @@ fn summary(model: &Model, file_bytes: u64) -> String {
             format!("{}: {} basis (mapped), {} classes, {} turned objects", mb(file_bytes as usize), mb(2 * d * a), mb(halved), mb(turned)),
         ),
         ("memory", format!("about {} when answering queries", mb(2 * d * a + parts + turned + derived))),
-        (
-            "training",
-            format!("{shapes} shapes in {} classes, splits {}, views {}", meta.classes.len(), set.splits.join(", "), views.join(", ")),
-        ),
+        ("training", format!("{shapes} shapes in {} classes, {splits}, views {}", meta.classes.len(), views.join(", "))),
         (
             "settings",
             format!(
