@@ -14,14 +14,14 @@ use std::path::PathBuf;
 /// Measure a model by the paper's protocol: one view of every object, in known or unknown pose
 #[derive(Args)]
 pub struct Eval {
-    /// Folder of shapes, DIR/<class>/<split>/*
+    /// Folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder
     dir: PathBuf,
     /// Model file
     #[arg(long)]
     model: PathBuf,
-    /// Split to answer; never one that the model was trained on
+    /// Split to answer; never one that the model was trained on. Not for DIR/*, which has none
     #[arg(long)]
-    split: String,
+    split: Option<String>,
     /// What is known of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
@@ -210,16 +210,19 @@ impl Eval {
         if self.limit == Some(0) {
             return Err(Failure::Usage("--limit 0: nothing to answer; use at least 1".into()));
         }
+        if self.split.is_none() {
+            shapes::require_flat(&self.dir)?;
+        }
         if let Some(folder) = &self.png {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
         }
         let perceiver = Perceiver::open(&self.model)?;
         let model = perceiver.model().clone();
-        if model.metadata.settings.splits.contains(&self.split) {
-            eprintln!("warning: the model was trained on split `{}`: these figures say nothing about new objects", self.split);
+        if let Some(split) = self.split.as_ref().filter(|split| model.metadata.settings.splits.contains(split)) {
+            eprintln!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");
         }
         let read = self.mesh.read_options(model.dims())?;
-        let shapes = shapes::load(&self.dir, std::slice::from_ref(&self.split), &LoadOptions { read, skip_duplicates: false, minimum: 0 })?;
+        let shapes = shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0 })?;
         let names: Vec<&str> = model.class_names().collect();
         let classes = shapes
             .classes

@@ -68,6 +68,7 @@ fn summary(model: &Model, outline: &Outline) -> String {
     let smaller: u64 = outline.levels.iter().map(|level| level.file_bytes).sum();
     let shapes: usize = meta.classes.iter().map(|c| c.shapes).sum();
     let views: Vec<&str> = model.views().iter().map(|v| v.name()).collect();
+    let splits = if set.splits.is_empty() { "no splits".into() } else { format!("splits {}", set.splits.join(", ")) };
     let licence = if meta.licence.is_empty() { "not stated" } else { &meta.licence };
     let memory = match &model.footprint {
         None => format!("about {} when answering queries", mb(2 * d * a + parts + turned + derived)),
@@ -89,15 +90,20 @@ fn summary(model: &Model, outline: &Outline) -> String {
         (
             "file",
             match &model.footprint {
-                None => format!("{}: {} basis (mapped), {} classes, {} turned objects", mb(file_bytes), mb(2 * d * a), mb(halved), mb(turned)),
-                Some(_) => format!("{}: {} basis (mapped), {} classes, {} smaller grids", mb(file_bytes), mb(2 * d * a), mb(halved), mb(smaller as usize)),
+                None => {
+                    format!("{}: {} basis (mapped), {} classes, {} turned objects", mb(file_bytes), mb(2 * d * a), mb(halved), mb(turned))
+                }
+                Some(_) => format!(
+                    "{}: {} basis (mapped), {} classes, {} smaller grids",
+                    mb(file_bytes),
+                    mb(2 * d * a),
+                    mb(halved),
+                    mb(smaller as usize)
+                ),
             },
         ),
         ("memory", memory),
-        (
-            "training",
-            format!("{shapes} shapes in {} classes, splits {}, views {}", meta.classes.len(), set.splits.join(", "), views.join(", ")),
-        ),
+        ("training", format!("{shapes} shapes in {} classes, {splits}, views {}", meta.classes.len(), views.join(", "))),
         (
             "settings",
             format!(

@@ -187,13 +187,23 @@ pub fn count(folder: &Path, splits: &[String]) -> Result<Vec<usize>, Failure> {
     Ok(counts)
 }
 
-/// The splits among `wanted` that exist, or an error that says what there is.
+/// The splits among `wanted` that exist, none for a flat folder, or an error that says what there is.
 pub fn existing_splits(folder: &Path, wanted: &[&str]) -> Result<Vec<String>, Failure> {
     let found = library::splits(folder)?;
     let splits: Vec<String> = wanted.iter().filter(|w| found.iter().any(|f| f == *w)).map(|w| w.to_string()).collect();
-    if splits.is_empty() {
+    if splits.is_empty() && !library::is_flat(folder)? {
         // The scan's own error says what the folder should look like.
         library::scan(folder, wanted)?;
     }
     Ok(splits)
+}
+
+/// Where no split was named: an error unless the folder has none.
+pub fn require_flat(folder: &Path) -> Result<(), Failure> {
+    let splits = library::splits(folder)?;
+    if splits.is_empty() {
+        Ok(())
+    } else {
+        Err(Failure::Usage(format!("name one of the splits of {} with --split: {}", folder.display(), splits.join(", "))))
+    }
 }

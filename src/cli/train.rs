@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Learn a model from a folder of shapes, DIR/<class>/<split>/*
+/// Learn a model from a folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder
 #[derive(Args)]
 pub struct Train {
     /// Folder of shapes: .binvox, .npy, .off, .obj, .stl, .ply
@@ -22,7 +22,7 @@ pub struct Train {
     /// Model file to write
     #[arg(long, value_name = "MODEL")]
     out: PathBuf,
-    /// Splits to learn from [default: those of train, validation that exist]
+    /// Splits to learn from [default: those of train, validation that exist]; none for DIR/*
     #[arg(long, value_delimiter = ',', value_name = "SPLITS")]
     split: Vec<String>,
     /// Voxels along each side of the grid

@@ -75,11 +75,7 @@ impl ClassBasis {
 ///
 /// Directions whose share is below rounding are left out: the rank of the concatenated bases (the paper's rank(W)).
 /// `pass` is told when a pass over the voxels begins. Blocks that no shape touches are rows of zeros, and passed over.
-pub(super) fn shared_basis(
-    dims: Dims,
-    classes: &[(&[&Occupancy], &ClassBasis)],
-    pass: &dyn Fn(Pass),
-) -> Result<Basis, LinearError> {
+pub(super) fn shared_basis(dims: Dims, classes: &[(&[&Occupancy], &ClassBasis)], pass: &dyn Fn(Pass)) -> Result<Basis, LinearError> {
     const RANK_TOLERANCE: f64 = 1e-6;
     let width: usize = classes.iter().map(|(_, basis)| basis.combination.ncols()).sum();
     let blocks: Vec<Range<usize>> = (0..dims.voxels()).step_by(BLOCK).map(|start| start..(start + BLOCK).min(dims.voxels())).collect();

@@ -149,7 +149,6 @@ pub(super) fn project(reading: &Reading, rank: usize, count: usize, bits: impl F
     Mat::from_fn(count, rank, |i, j| rows[i][j])
 }
 
-
 /// The voxels that any of these shapes fills.
 fn union(dims: Dims, shapes: &[Vec<&Occupancy>]) -> FixedBitSet {
     let mut all = FixedBitSet::with_capacity(dims.voxels());

@@ -82,7 +82,9 @@ pub enum TrainError {
         expected: Dims,
     },
     /// Shapes are so thin that nothing of them is left on a smaller grid.
-    #[error("nothing of the shapes of class `{class}` is left on the grid of {dims} on which poses are searched: use a --resolution of at most 64, or thicker shapes")]
+    #[error(
+        "nothing of the shapes of class `{class}` is left on the grid of {dims} on which poses are searched: use a --resolution of at most 64, or thicker shapes"
+    )]
     Vanished {
         /// The class.
         class: String,
@@ -132,7 +134,12 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
     }
     // Cameras are searched where poses are.
     let elevations = if smaller.is_empty() { options.camera_elevations_deg.clone() } else { Vec::new() };
-    let model = learn(&Data::new(dims, classes), &shapes.classes, &TrainOptions { camera_elevations_deg: elevations, ..options.clone() }, progress)?;
+    let model = learn(
+        &Data::new(dims, classes),
+        &shapes.classes,
+        &TrainOptions { camera_elevations_deg: elevations, ..options.clone() },
+        progress,
+    )?;
     Ok(Model { levels, ..model })
 }
 
@@ -264,4 +271,3 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
     let Fit { basis, footprint, .. } = fit;
     Ok(Model { id: 0, metadata, basis, classes, view_densities: turned, camera_densities: camera, footprint, levels: Vec::new() })
 }
-

@@ -11,7 +11,9 @@ pub const PIECE: usize = 256 << 10;
 
 /// A part of a model file is not what was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the model file is damaged: {PIECE} bytes from byte {offset} of its basis on do not match their checksum; train it again or fetch a fresh copy")]
+#[error(
+    "the model file is damaged: {PIECE} bytes from byte {offset} of its basis on do not match their checksum; train it again or fetch a fresh copy"
+)]
 pub struct Damaged {
     /// Where, in bytes from the start of the tensor.
     pub offset: usize,

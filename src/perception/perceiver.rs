@@ -2,6 +2,7 @@
 
 use super::blend::{Scores, softmax};
 use super::camera::{CameraScores, ViewWork};
+use super::completing::Moved;
 use super::known::Known;
 use super::pose::circle::Looked;
 use super::pose::posterior::{Merging, Sample};
@@ -10,7 +11,6 @@ use super::pose::yaw::{CommonDensity, HullColumns};
 use super::subspace::{ClassSubspace, Conditional};
 use super::timings::{Stopwatch, Timings};
 use super::whitening::Whitening;
-use super::completing::Moved;
 use super::{ColumnSums, Density, Percept, PoseSearch, Query, Reading, SharedSums};
 use crate::grid::{Counts, Dims, Observation, Placed, Rotation, Shrinking, Turn};
 use crate::linear::LinearError;
@@ -164,9 +164,8 @@ impl Perceiver {
         let common = (0..model.views().len()).map(|v| common_density(&model, v)).collect::<Result<_, _>>()?;
         let reading = Reading::new(dims, &model.basis, model.footprint.as_ref());
         let subspaces = model.classes.iter().map(|class| reading.class(class)).collect();
-        let level = |level: &Model| {
-            Ok(Level { shrinking: Shrinking::new(dims, level.dims()), perceiver: Self::new(Arc::new(level.clone()))? })
-        };
+        let level =
+            |level: &Model| Ok(Level { shrinking: Shrinking::new(dims, level.dims()), perceiver: Self::new(Arc::new(level.clone()))? });
         Ok(Self {
             reading,
             hulls,
@@ -353,11 +352,7 @@ impl Perceiver {
 
 impl Level {
     fn workspace(&self) -> LevelWork {
-        LevelWork {
-            work: self.perceiver.workspace(),
-            seen: Observation::unknown(self.shrinking.dims()),
-            counts: Counts::default(),
-        }
+        LevelWork { work: self.perceiver.workspace(), seen: Observation::unknown(self.shrinking.dims()), counts: Counts::default() }
     }
 }
 

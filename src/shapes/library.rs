@@ -1,4 +1,7 @@
-//! A folder of shapes, `DIR/<class>/<split>/*`: what is in it, and loading it with what was left out named and counted.
+//! A folder of shapes, `DIR/<class>/<split>/*` or flat, `DIR/*`: what is in it, and loading it with what was left out named and counted.
+//!
+//! A flat folder is one class without splits, named after the folder. Where there is any folder `<class>/<split>`, files beside the
+//! class folders are ignored.
 
 use super::{Format, ReadError, ReadOptions, read_shape};
 use crate::grid::Occupancy;
@@ -19,7 +22,7 @@ pub const FEWEST_FILLED: usize = 16;
 pub struct ShapeFile {
     /// Where it is.
     pub path: PathBuf,
-    /// `class/split/name`, relative to the library's folder, with `/` on every system.
+    /// `class/split/name`, or `class/name` in a flat folder, with `/` on every system.
     pub relative: String,
     /// Index into [`Library::classes`].
     pub class: usize,
@@ -39,7 +42,8 @@ pub struct Library {
 }
 
 /// What a folder of shapes should look like, for messages.
-const LAYOUT: &str = "a folder of shapes looks like DIR/<class>/<split>/<shape>, for example shapes/chair/train/0001.off";
+const LAYOUT: &str = "a folder of shapes looks like DIR/<class>/<split>/<shape>, for example shapes/chair/train/0001.off, \
+or for one class DIR/<shape>, for example pliers/0001.off";
 
 /// A folder that is not a library of shapes, or cannot be learned from.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +57,7 @@ pub enum LibraryError {
         source: std::io::Error,
     },
     /// There is no folder `<class>/<split>`.
-    #[error("{} has no folder <class>/<split> with a split of {}{}; {LAYOUT}", root.display(), wanted.join(", "), found_splits(found))]
+    #[error("{} has no folder <class>/<split>{}{}; {LAYOUT}", root.display(), wanted_splits(wanted), found_splits(found))]
     NoSplit {
         /// The folder.
         root: PathBuf,
@@ -61,6 +65,20 @@ pub enum LibraryError {
         wanted: Vec<String>,
         /// The names of folders found where splits stand.
         found: Vec<String>,
+    },
+    /// A split of a folder that has none.
+    #[error("{} is a flat folder of shapes, one class without splits: there is no split {} in it", root.display(), wanted.join(", "))]
+    Flat {
+        /// The folder.
+        root: PathBuf,
+        /// The splits asked for.
+        wanted: Vec<String>,
+    },
+    /// A flat folder without a name, such as the root of the file system, so that the class has none.
+    #[error("{} has no name that its class could have: move the shapes into a folder with one", root.display())]
+    Nameless {
+        /// The folder.
+        root: PathBuf,
     },
     /// The folders are there, but hold no file of a known kind.
     #[error("{} holds no shape in {} ({ignored} other files): expected {known}; {LAYOUT}", root.display(), wanted.join(", "), known = Format::KNOWN)]
@@ -105,6 +123,10 @@ pub enum LibraryError {
     },
 }
 
+fn wanted_splits(wanted: &[String]) -> String {
+    if wanted.is_empty() { String::new() } else { format!(" with a split of {}", wanted.join(", ")) }
+}
+
 fn found_splits(found: &[String]) -> String {
     if found.is_empty() { String::new() } else { format!(" (there are: {})", found.join(", ")) }
 }
@@ -135,7 +157,7 @@ fn list(path: &Path) -> Result<(BTreeSet<String>, BTreeSet<String>, usize), Libr
     Ok((folders, files, hidden))
 }
 
-/// The splits that exist in any class of the folder, sorted.
+/// The splits that exist in any class of the folder, sorted; none in a flat folder.
 pub fn splits(root: &Path) -> Result<Vec<String>, LibraryError> {
     let mut found = BTreeSet::new();
     for class in list(root)?.0 {
@@ -144,11 +166,58 @@ pub fn splits(root: &Path) -> Result<Vec<String>, LibraryError> {
     Ok(found.into_iter().collect())
 }
 
-/// Finds the shapes of the given splits. Classes without any of these splits do not count; hidden files and files of unknown
-/// kinds are counted only.
+/// Whether the folder is flat: it has shapes, and no folder `<class>/<split>`.
+pub fn is_flat(root: &Path) -> Result<bool, LibraryError> {
+    let (_, files, _) = list(root)?;
+    Ok(files.iter().any(|name| Format::of(Path::new(name)).is_some()) && splits(root)?.is_empty())
+}
+
+/// The class of a flat folder: the last part of its path, links and dots resolved.
+fn name_of(root: &Path) -> Result<String, LibraryError> {
+    let path = std::fs::canonicalize(root).map_err(|source| LibraryError::List { path: root.into(), source })?;
+    let name = path.file_name().and_then(|name| name.to_str()).ok_or_else(|| LibraryError::Nameless { root: root.into() })?;
+    Ok(name.to_owned())
+}
+
+impl Library {
+    fn add_class(&mut self, name: String) -> Result<(), LibraryError> {
+        if name.len() > LONGEST_CLASS_NAME {
+            return Err(LibraryError::ClassName { name });
+        }
+        self.classes.push(name);
+        Ok(())
+    }
+
+    /// Adds the files of a folder to the last class.
+    fn add_files(&mut self, folder: &Path, relative_folder: &str) -> Result<(), LibraryError> {
+        let (_, files, hidden) = list(folder)?;
+        self.ignored += hidden;
+        for name in files {
+            let path = folder.join(&name);
+            if Format::of(&path).is_some() {
+                self.files.push(ShapeFile { path, relative: format!("{relative_folder}/{name}"), class: self.classes.len() - 1 });
+            } else {
+                self.ignored += 1;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Finds the shapes of the given splits; of a flat folder, which has none, all its shapes, and `splits` must be empty. Classes without
+/// any of these splits do not count; hidden files and files of unknown kinds are counted only.
 pub fn scan(root: &Path, splits: &[&str]) -> Result<Library, LibraryError> {
     let mut library = Library { root: root.into(), classes: Vec::new(), files: Vec::new(), ignored: 0 };
     let wanted = || splits.iter().map(|s| s.to_string()).collect();
+    if is_flat(root)? {
+        if !splits.is_empty() {
+            return Err(LibraryError::Flat { root: root.into(), wanted: wanted() });
+        }
+        let class = name_of(root)?;
+        library.add_class(class.clone())?;
+        library.add_files(root, &class)?;
+        return Ok(library);
+    }
     let mut found = BTreeSet::new();
     for class in list(root)?.0 {
         let (class_splits, _, _) = list(&root.join(&class))?;
@@ -157,23 +226,10 @@ pub fn scan(root: &Path, splits: &[&str]) -> Result<Library, LibraryError> {
         if !has_split {
             continue;
         }
-        if class.len() > LONGEST_CLASS_NAME {
-            return Err(LibraryError::ClassName { name: class });
-        }
+        library.add_class(class.clone())?;
         for split in class_splits.iter().filter(|s| splits.contains(&s.as_str())) {
-            let folder = root.join(&class).join(split);
-            let (_, files, hidden) = list(&folder)?;
-            library.ignored += hidden;
-            for name in files {
-                let path = folder.join(&name);
-                if Format::of(&path).is_some() {
-                    library.files.push(ShapeFile { path, relative: format!("{class}/{split}/{name}"), class: library.classes.len() });
-                } else {
-                    library.ignored += 1;
-                }
-            }
+            library.add_files(&root.join(&class).join(split), &format!("{class}/{split}"))?;
         }
-        library.classes.push(class);
     }
     if library.classes.is_empty() {
         return Err(LibraryError::NoSplit { root: root.into(), wanted: wanted(), found: found.into_iter().collect() });
@@ -205,7 +261,7 @@ pub struct Shape {
     pub object: Occupancy,
     /// Index into [`Shapes::classes`].
     pub class: usize,
-    /// `class/split/name`, relative to the library's folder.
+    /// As [`ShapeFile::relative`].
     pub file: String,
 }
 
@@ -240,7 +296,7 @@ impl std::fmt::Display for SkipReason {
 /// A file that was left out, and why.
 #[derive(Debug)]
 pub struct Skipped {
-    /// `class/split/name`, relative to the library's folder.
+    /// As [`ShapeFile::relative`].
     pub file: String,
     /// Why.
     pub reason: SkipReason,
@@ -414,6 +470,53 @@ mod tests {
     }
 
     #[test]
+    fn a_flat_folder_is_one_class_without_splits() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("pliers");
+        write(&root, "b.binvox", &block(4));
+        write(&root, "a.binvox", &block(3));
+        write(&root, "c.binvox", &block(4));
+        std::fs::write(root.join(".hidden.off"), "no").unwrap();
+        std::fs::write(root.join("notes.txt"), "no").unwrap();
+        // A folder beside the shapes that holds no further ones is not a class.
+        std::fs::create_dir(root.join("pictures")).unwrap();
+        // Named after where it is, however it is called.
+        for root in [root.clone(), root.join("."), root.join("pictures/..")] {
+            let library = scan(&root, &[]).unwrap();
+            assert_eq!(library.classes, ["pliers"]);
+            let names: Vec<_> = library.files.iter().map(|f| (f.relative.as_str(), f.class)).collect();
+            assert_eq!(names, [("pliers/a.binvox", 0), ("pliers/b.binvox", 0), ("pliers/c.binvox", 0)]);
+            assert_eq!(library.ignored, 2);
+            assert!(splits(&root).unwrap().is_empty() && is_flat(&root).unwrap());
+        }
+        let library = scan(&root, &[]).unwrap();
+        let loaded = load(&library, &options(true, 2), |_| {}).unwrap();
+        assert_eq!(loaded.shapes.len(), 2);
+        assert_eq!(loaded.skipped[0].to_string(), "pliers/c.binvox: the same shape as pliers/b.binvox");
+        let few = load(&library, &options(true, 3), |_| {}).unwrap_err().to_string();
+        assert!(
+            few.starts_with("class `pliers` has 2 usable shapes of 3 files") && few.contains("skipped first: pliers/c.binvox"),
+            "{few}"
+        );
+
+        let message = scan(&root, &["train", "test"]).unwrap_err().to_string();
+        assert!(message.contains("pliers is a flat folder") && message.contains("no split train, test"), "{message}");
+        let long = folder.path().join("p".repeat(32));
+        write(&long, "a.binvox", &block(4));
+        assert!(matches!(scan(&long, &[]), Err(LibraryError::ClassName { .. })));
+    }
+
+    #[test]
+    fn class_folders_win_over_files_beside_them() {
+        let folder = folder();
+        write(folder.path(), "loose.binvox", &block(5));
+        assert!(!is_flat(folder.path()).unwrap());
+        let library = scan(folder.path(), &["train"]).unwrap();
+        assert_eq!((library.classes.len(), library.files.len(), library.ignored), (2, 7, 2));
+        assert!(matches!(scan(folder.path(), &[]), Err(LibraryError::NoSplit { .. })));
+    }
+
+    #[test]
     fn what_is_left_out_is_named_with_its_reason() {
         let folder = folder();
         let library = scan(folder.path(), &["train", "validation"]).unwrap();
@@ -455,7 +558,8 @@ mod tests {
         let text = message(folder.path(), "test");
         assert!(text.contains("a split of test (there are: train, validation)") && text.contains("shapes/chair/train/0001.off"), "{text}");
         assert!(message(&folder.path().join("none"), "train").contains("cannot list"));
-        assert!(message(&folder.path().join("chair"), "train").contains("DIR/<class>/<split>/<shape>"));
+        let text = message(&folder.path().join("chair"), "train");
+        assert!(text.contains("DIR/<class>/<split>/<shape>") && text.contains("DIR/<shape>, for example pliers/0001.off"), "{text}");
         let other = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(other.path().join("a/train")).unwrap();
         std::fs::write(other.path().join("a/train/b.txt"), "").unwrap();

@@ -1,6 +1,6 @@
 //! Shapes in: meshes and voxel files of many formats become complete objects on a grid.
 //!
-//! [`read_shape`] reads one file, [`library::scan`] and [`library::load`] a folder `DIR/<class>/<split>/*`. Every `parse_*`
+//! [`read_shape`] reads one file, [`library::scan`] and [`library::load`] a folder `DIR/<class>/<split>/*` or `DIR/*`. Every `parse_*`
 //! function takes untrusted bytes: it neither panics nor allocates more than a small multiple of their number (and of the
 //! largest grid).
 

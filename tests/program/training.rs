@@ -82,3 +82,32 @@ fn useless_files_are_named_and_counted_and_do_not_stop_the_training() {
     let message = text(&output.stderr);
     assert!(message.lines().last().unwrap().contains("lamp"), "{message}");
 }
+
+/// Nothing but files in a folder: one class, named after the folder.
+#[test]
+fn a_flat_folder_is_learned_as_one_class() {
+    let folder = tempfile::tempdir().unwrap();
+    let chairs = folder.path().join("chair");
+    std::fs::create_dir_all(&chairs).unwrap();
+    (0..8).for_each(|seed| drop(shape(&chairs, "chair", seed)));
+    let out = folder.path().join("m.safetensors");
+    let (chairs, out, resolution) = (chairs.to_str().unwrap(), out.to_str().unwrap(), RESOLUTION.to_string());
+    let train = |more: &[&str]| run(["train", chairs, "--out", out, "--resolution", &resolution].iter().chain(more));
+    let refused = train(&["--split", "train"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let message = text(&refused.stderr);
+    assert!(message.contains("chair is a flat folder of shapes, one class without splits") && message.lines().count() == 1, "{message}");
+
+    let trained = train(&[]);
+    assert!(trained.status.success(), "{}", text(&trained.stderr));
+    let inspected = text(&run(["inspect", out]).stdout);
+    assert!(inspected.contains("8 shapes in 1 classes, no splits"), "{inspected}");
+    let eval = |dir: &str| run(["eval", dir, "--model", out]);
+    let measured = eval(chairs);
+    assert!(measured.status.success(), "{}", text(&measured.stderr));
+    let parent = folder.path().join("all");
+    library(&parent);
+    let refused = eval(parent.to_str().unwrap());
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("with --split: train"), "{}", text(&refused.stderr));
+}

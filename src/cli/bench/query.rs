@@ -23,7 +23,7 @@ use std::sync::atomic::Ordering;
 /// Time the compute of queries alone, beside peers and the machine's own limits
 #[derive(Args)]
 pub struct Query {
-    /// Complete shapes to ask about, or with --split one folder of them, DIR/<class>/<split>/* [default: made-up furniture]
+    /// Complete shapes to ask about, or one folder of them: DIR/<class>/<split>/* with --split, or DIR/* [default: made-up furniture]
     shapes: Vec<PathBuf>,
     /// The split of the folder
     #[arg(long)]
@@ -136,15 +136,19 @@ impl Query {
         let model_text = format!("{}, {dims}, {} classes", self.model.display(), names.len());
         let (objects, what) = match (&self.shapes[..], &self.split) {
             ([], None) => (furniture(dims, count, &names), "made-up furniture".to_owned()),
-            ([folder], Some(split)) => {
+            ([folder], split) if split.is_some() || folder.is_dir() => {
+                if split.is_none() {
+                    shapes::require_flat(folder)?;
+                }
                 let options = LoadOptions { read, skip_duplicates: false, minimum: 1 };
-                let library = shapes::load(folder, std::slice::from_ref(split), &options)?;
+                let library = shapes::load(folder, split.as_slice(), &options)?;
                 let chosen = sample(&library, Some(count), 0);
                 let object = |shape: &&crate::shapes::library::Shape| Object {
                     shape: shape.object.clone(),
                     class: class_of(&library.classes[shape.class]),
                 };
-                (chosen.iter().map(object).collect(), format!("{}, split {split}", folder.display()))
+                let split = split.as_ref().map_or(String::new(), |split| format!(", split {split}"));
+                (chosen.iter().map(object).collect(), format!("{}{split}", folder.display()))
             }
             (_, Some(split)) => return Err(Failure::Usage(format!("--split {split}: give the one folder that it is a split of"))),
             (files, None) => {
