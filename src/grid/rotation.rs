@@ -221,7 +221,8 @@ pub fn for_each_column_source(dims: Dims, angle: f64, mut each: impl FnMut(Optio
 
 /// The nearest whole number, ties to even, as [`f64::round_ties_even`] gives it for |x| < 2⁵¹; that one calls a library where
 /// the CPU is not known to round.
-fn nearest(x: f64) -> f64 {
+#[inline(always)]
+pub(crate) fn nearest(x: f64) -> f64 {
     const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
     (x + ROUND) - ROUND
 }

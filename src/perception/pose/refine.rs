@@ -8,9 +8,9 @@
 //! Known empty voxels need no sum: what is lost where the object is not hidden is lost on filled and unknown voxels.
 
 use crate::grid::{Dims, Observation, Rotation};
-use crate::linear::LinearError;
 use crate::perception::known::Known;
-use crate::perception::perceiver::Perceiver;
+use crate::perception::perceiver::{PerceiveError, Perceiver};
+
 use crate::perception::subspace::Conditional;
 use crate::perception::{ClassSubspace, Query};
 use nalgebra::{Unit, Vector3};
@@ -49,7 +49,7 @@ pub struct Refined {
 
 impl Refiner<'_> {
     /// Refines `start` for a class by `steps`, in radians, falling.
-    pub fn refine(&self, class: usize, start: &Rotation, steps: &[f64]) -> Result<Refined, LinearError> {
+    pub fn refine(&self, class: usize, start: &Rotation, steps: &[f64]) -> Result<Refined, PerceiveError> {
         let subspace = &self.perceiver.subspaces[class];
         let mut conditional = Conditional::new(subspace.size());
         let mut rotation = *start;
