@@ -177,6 +177,7 @@ impl Turn {
 
     /// One value per voxel, turned; what enters is `outside`.
     pub fn values<V: Copy + Send + Sync>(&self, from: &[V], outside: V, to: &mut [V]) {
+        assert_eq!([from.len(), to.len()], [self.dims.voxels(); 2], "one value per voxel");
         let value = |source: &u32| from.get(*source as usize).copied().unwrap_or(outside);
         if self.dims.voxels() <= ALONE {
             to.iter_mut().zip(&self.sources).for_each(|(to, source)| *to = value(source));

@@ -170,7 +170,7 @@ mod tests {
         let clamped: Vec<f32> = means.iter().map(|m| m.clamp(0.0, 1.0) * 0.8 + 0.1).collect();
         let filled: Vec<f32> = clamped.iter().map(|m| 2.0 * ((m / (1.0 - m)).ln() - (0.1_f32 / 0.9).ln())).collect();
         let hidden: Vec<f32> = clamped.iter().map(|m| 0.9_f32.ln() - (1.0 - m).ln()).collect();
-        let (mut turned_filled, mut turned_hidden) = (Vec::new(), Vec::new());
+        let (mut turned_filled, mut turned_hidden) = (vec![0.0; filled.len()], vec![0.0; hidden.len()]);
         let turn = Turn::new(dims, &rotation);
         turn.values(&filled, 0.0, &mut turned_filled);
         turn.values(&hidden, 0.0, &mut turned_hidden);
