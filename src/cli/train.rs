@@ -93,27 +93,34 @@ impl Need {
 
 /// How long each step took, and within the steps each pass over the voxels.
 #[derive(Default)]
-struct Times(Mutex<(Option<(Instant, String)>, Vec<(String, Duration, usize)>)>);
+struct Times(Mutex<Clock>);
+
+/// What runs, since when; and how long what ended took in all, with how often.
+#[derive(Default)]
+struct Clock {
+    running: Option<(Instant, String)>,
+    ended: Vec<(String, Duration, usize)>,
+}
 
 impl Times {
     /// A step, or a pass, begins: what came before has ended.
     fn begin(&self, name: Option<String>) {
         let mut guard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let (current, times) = &mut *guard;
-        if let Some((start, name)) = current.take() {
+        let Clock { running, ended } = &mut *guard;
+        if let Some((start, name)) = running.take() {
             let elapsed = start.elapsed();
-            match times.iter_mut().find(|(known, ..)| *known == name) {
+            match ended.iter_mut().find(|(known, ..)| *known == name) {
                 Some((_, time, count)) => (*time, *count) = (*time + elapsed, *count + 1),
-                None => times.push((name, elapsed, 1)),
+                None => ended.push((name, elapsed, 1)),
             }
         }
-        *current = name.map(|name| (Instant::now(), name));
+        *running = name.map(|name| (Instant::now(), name));
     }
 
     /// One line each.
     fn lines(&self) -> String {
         self.begin(None);
-        let times = &self.0.lock().unwrap_or_else(PoisonError::into_inner).1;
+        let times = &self.0.lock().unwrap_or_else(PoisonError::into_inner).ended;
         let line = |(name, time, count): &(String, Duration, usize)| {
             let often = if *count > 1 { format!(", {count} times") } else { String::new() };
             format!("  {:>7.2} s  {name}{often}\n", time.as_secs_f64())

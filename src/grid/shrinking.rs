@@ -63,10 +63,10 @@ impl Shrinking {
         self.count(&hull, &mut counts.hull);
         let Counts { filled, hull } = counts;
         let inside = |at: [usize; 3]| 2 * hull[to.index(at[0], at[1], at[2])] >= self.volume(at);
-        for voxel in 0..to.voxels() {
+        for (voxel, filled) in filled.iter().enumerate() {
             let at = to.coordinates(voxel);
             match inside(at) {
-                true if filled[voxel] > 0 => out.set(voxel, true),
+                true if *filled > 0 => out.set(voxel, true),
                 true => out.set_unknown(voxel),
                 false => out.set(voxel, false),
             }

@@ -71,7 +71,7 @@ impl Perceiver {
                 for step in SMALL_STEPS {
                     hypothesis.rotation = climb(&hypothesis.rotation, step, axes, |rotation| -> Result<f64, PerceiveError> {
                         let turned = perceiver.turned_back(&small.seen, rotation, query);
-                        Ok(perceiver.condition_turned(&turned, hypothesis.class, &mut conditional)?)
+                        perceiver.condition_turned(&turned, hypothesis.class, &mut conditional)
                     })?;
                 }
             }

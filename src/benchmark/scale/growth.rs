@@ -7,7 +7,9 @@ use serde::Serialize;
 pub struct Line {
     /// The stage.
     pub name: String,
-    /// Size and median time in microseconds.
+    /// Unit of what was measured.
+    pub unit: &'static str,
+    /// Size and median.
     pub points: Vec<(f64, f64)>,
     /// e of the power law time ∝ size^e that fits best; `None` where there are not two sizes.
     pub exponent: Option<f64>,
@@ -29,9 +31,14 @@ pub struct Series {
 }
 
 impl Line {
-    /// A line with the exponent that fits it.
+    /// Times in microseconds, with the exponent that fits them.
     pub fn new(name: &str, expected: f64, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), exponent: exponent(&points), expected, points }
+        Self::of(name, "µs", expected, points)
+    }
+
+    /// What was measured in some unit, with the exponent that fits it.
+    pub fn of(name: &str, unit: &'static str, expected: f64, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), unit, exponent: exponent(&points), expected, points }
     }
 }
 

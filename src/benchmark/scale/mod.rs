@@ -1,4 +1,5 @@
-//! How the cost of a query grows: with classes, basis size, resolution, hidden voxels, threads and subscribers.
+//! How the cost of queries grows: with classes, basis size, resolution, hidden voxels, threads and subscribers; and that of learning, with
+//! resolution and shapes.
 //!
 //! One of these is varied at a time, the others kept; models are learned in memory from made-up shapes. Cases are measured in
 //! turns, so that other work on the machine slows all of them alike, and medians are compared. A line of measurements gets the
@@ -10,6 +11,7 @@
 //! | `sweep` | what is varied, and over which sizes |
 //! | `shapes` | made-up shapes of any number of classes, at any resolution |
 //! | `models` | models learned from them |
+//! | `training` | learning timed, with the memory that it takes |
 //! | `queries` | queries of one case, timed |
 //! | `publishing` | percept and completion handed to many subscribers, timed |
 //! | `growth` | medians, exponents, what was expected |
@@ -22,6 +24,7 @@ mod queries;
 mod report;
 mod shapes;
 mod sweep;
+mod training;
 
 pub use growth::{Line, Series};
 pub use report::{chart, table};

@@ -16,6 +16,8 @@ pub struct Recipe {
     pub classes: usize,
     /// Components of each class.
     pub basis: usize,
+    /// Shapes of each class; `None` for as many as the components ask for.
+    pub shapes: Option<usize>,
 }
 
 /// A class has this many shapes for each component, and some more: also the half that is left of them in cross-validation then
@@ -37,20 +39,29 @@ impl Recipe {
 
     /// Learns it; the same recipe gives the same model.
     pub fn learn(&self) -> Result<Model, TrainError> {
+        self.learn_from(&self.shapes())
+    }
+
+    /// What it is learned from.
+    pub fn shapes(&self) -> Shapes {
         let dims = self.dims();
-        let count = SHAPES * self.basis + MORE_SHAPES;
+        let count = self.shapes.unwrap_or(SHAPES * self.basis + MORE_SHAPES);
         let make = |i: usize| {
             let (class, number) = (i / count, i % count);
             Shape { object: shapes::make(dims, class, number as u64), class, file: format!("{class}/{number}") }
         };
-        let shapes = Shapes {
+        Shapes {
             classes: (0..self.classes).map(|class| format!("class-{class:02}")).collect(),
             shapes: (0..self.classes * count).into_par_iter().map(make).collect(),
             skipped: Vec::new(),
             shared: Vec::new(),
-        };
+        }
+    }
+
+    /// Learns from these shapes.
+    pub fn learn_from(&self, shapes: &Shapes) -> Result<Model, TrainError> {
         let options = TrainOptions { basis_range: [self.basis, self.basis], folds: 2, ..TrainOptions::default() };
-        train(&shapes, &options, &|_| ())
+        train(shapes, &options, &|_| ())
     }
 
     /// What is seen from above of shapes that the model has not learned from, one class after the other.

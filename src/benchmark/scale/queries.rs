@@ -15,6 +15,8 @@ pub struct Asked {
     observations: Vec<Observation>,
     work: Workspace,
     percept: Percept,
+    /// A completion as messages have it.
+    bytes: [Vec<u8>; 2],
     next: usize,
     /// Where it computes; `None` for the threads that all share.
     threads: Option<ThreadPool>,
@@ -23,12 +25,35 @@ pub struct Asked {
 impl Asked {
     /// Asks about these observations, one after the other.
     pub fn new(perceiver: Arc<Perceiver>, observations: Vec<Observation>, threads: Option<ThreadPool>) -> Self {
-        Self { work: perceiver.workspace(), perceiver, observations, percept: Percept::default(), next: 0, threads }
+        Self {
+            work: perceiver.workspace(),
+            perceiver,
+            observations,
+            percept: Percept::default(),
+            bytes: Default::default(),
+            next: 0,
+            threads,
+        }
+    }
+
+    /// Microseconds of the first two of [`STAGES`], for the next observation; the completion as bytes.
+    pub fn once_known(&mut self) -> Result<[f64; 2], PerceiveError> {
+        let Self { perceiver, observations, work, percept, next, bytes, .. } = self;
+        let observation = &observations[*next];
+        *next = (*next + 1) % observations.len();
+        let [occupancy, deviation] = bytes;
+        [&mut *occupancy, &mut *deviation].into_iter().for_each(|bytes| bytes.resize(observation.dims().voxels(), 0));
+        let known = Query::default();
+        let start = Instant::now();
+        perceiver.classify(observation, &known, work, percept)?;
+        let classified = Instant::now();
+        perceiver.complete_into(&known, work, percept, occupancy, deviation)?;
+        Ok([microseconds(start, classified), microseconds(classified, Instant::now())])
     }
 
     /// Microseconds of each of [`STAGES`], for the next observation: class in known pose, its completion, class and yaw.
     pub fn once(&mut self) -> Result<Vec<f64>, PerceiveError> {
-        let Self { perceiver, observations, work, percept, next, threads } = self;
+        let Self { perceiver, observations, work, percept, next, threads, .. } = self;
         let observation = &observations[*next];
         *next = (*next + 1) % observations.len();
         let mut ask = || {

@@ -4,16 +4,17 @@ use super::growth::{Line, Series};
 use crate::picture::{Chart, Image};
 use std::fmt::Write;
 
-/// A table: sizes across, stages down, medians in microseconds, then the exponent that fits and the one to be expected.
+/// A table: sizes across, stages down, medians, then the exponent that fits and the one to be expected.
 pub fn table(series: &Series) -> String {
     let mut text = format!("{} ({})\n", series.name, series.setting);
     let Some(first) = series.lines.first() else { return text };
-    let width = series.lines.iter().map(|line| line.name.len()).max().unwrap_or(0).max("median, µs".len());
-    let _ = write!(text, "  {:width$}", "median, µs");
+    let label = |line: &Line| format!("{}, {}", line.name, line.unit);
+    let width = series.lines.iter().map(|line| label(line).chars().count()).max().unwrap_or(0).max("median".len());
+    let _ = write!(text, "  {:width$}", "median");
     text.extend(first.points.iter().map(|(size, _)| format!("{:>10}", rounded(*size))));
     let _ = writeln!(text, "{:>10}{:>10}", "exponent", "expected");
     for line in &series.lines {
-        let _ = write!(text, "  {:width$}", line.name);
+        let _ = write!(text, "  {:width$}", label(line));
         text.extend(line.points.iter().map(|(_, time)| format!("{:>10}", rounded(*time))));
         let _ = writeln!(text, "{:>10}{:>10}", exponent(line), line.expected);
     }
@@ -21,10 +22,13 @@ pub fn table(series: &Series) -> String {
     text
 }
 
-/// Times over sizes, both logarithmic: a power law is a straight line.
+/// Measurements over sizes, both logarithmic: a power law is a straight line.
 pub fn chart(series: &Series) -> Image {
-    let chart = Chart::new(&format!("How queries grow: {}", series.name), &format!("{} ({})", series.name, series.setting), "microseconds");
-    let lines: Vec<_> = series.lines.iter().map(|line| (format!("{}: {}", line.name, exponent(line)), line.points.clone())).collect();
+    let alike = series.lines.windows(2).all(|pair| pair[0].unit == pair[1].unit);
+    let unit = if alike { "microseconds" } else { "in the units named" };
+    let chart = Chart::new(&format!("How it grows: {}", series.name), &format!("{} ({})", series.name, series.setting), unit);
+    let label = |line: &Line| if alike { line.name.clone() } else { format!("{}, {}", line.name, line.unit) };
+    let lines: Vec<_> = series.lines.iter().map(|line| (format!("{}: {}", label(line), exponent(line)), line.points.clone())).collect();
     Chart { width: 860, x_log: true, y_log: true, ..chart }.lines(&lines)
 }
 
@@ -50,9 +54,9 @@ mod tests {
         let series = Series { name: "classes".into(), setting: "30³".into(), why: "because".into(), lines: vec![line, once] };
         let text = table(&series);
         let words = |line: usize| text.lines().nth(line).unwrap().split_whitespace().collect::<Vec<_>>();
-        assert_eq!(words(1), ["median,", "µs", "2", "4", "8", "exponent", "expected"]);
-        assert_eq!(words(2), ["class", "40", "80", "160", "1.00", "3"]);
-        assert_eq!(words(3), ["completion", "1234", "-", "0"]);
+        assert_eq!(words(1), ["median", "2", "4", "8", "exponent", "expected"]);
+        assert_eq!(words(2), ["class,", "µs", "40", "80", "160", "1.00", "3"]);
+        assert_eq!(words(3), ["completion,", "µs", "1234", "-", "0"]);
         assert_eq!(chart(&series).width(), 860);
     }
 

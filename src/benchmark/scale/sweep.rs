@@ -4,6 +4,7 @@ use super::growth::{Line, Series};
 use super::models::Recipe;
 use super::publishing::{self, Published};
 use super::queries::{self, Asked};
+use super::training;
 use crate::benchmark::cores::usable;
 use crate::benchmark::percentiles::median;
 use crate::grid::{Dims, Observation, Occupancy};
@@ -27,6 +28,10 @@ pub enum Sweep {
     Basis,
     /// Voxels along the side of the grid
     Resolution,
+    /// The same, for learning: time, and memory at a time
+    Training,
+    /// Shapes that are learned from: time, and memory at a time
+    Shapes,
     /// Share of the voxels that is hidden, in stacks or scattered
     Unknown,
     /// Worker threads
@@ -83,8 +88,10 @@ struct Effort {
     resolution: usize,
 }
 
-const THOROUGH: Effort = Effort { time: Duration::from_secs(6), recipe: Recipe { resolution: 30, classes: 10, basis: 30 }, resolution: 20 };
-const QUICK: Effort = Effort { time: Duration::from_millis(100), recipe: Recipe { resolution: 12, classes: 3, basis: 5 }, resolution: 12 };
+const THOROUGH: Effort =
+    Effort { time: Duration::from_secs(6), recipe: Recipe { resolution: 30, classes: 10, basis: 30, shapes: None }, resolution: 20 };
+const QUICK: Effort =
+    Effort { time: Duration::from_millis(100), recipe: Recipe { resolution: 12, classes: 3, basis: 5, shapes: None }, resolution: 12 };
 
 /// Measures series.
 pub struct Scale {
@@ -98,8 +105,9 @@ pub struct Scale {
 const BATCH: usize = 5;
 /// Rounds in which every case has its turn, at least.
 const FEWEST_ROUNDS: usize = 3;
-/// Different observations of each case.
+/// Different observations of each case; fewer of large grids.
 const OBSERVATIONS: usize = 40;
+const FEW_OBSERVATIONS: usize = 5;
 
 impl Scale {
     /// Thoroughly, or `quick`: at few small sizes, to see that it works.
@@ -113,7 +121,9 @@ impl Scale {
         match sweep {
             Sweep::Classes => self.classes(if quick { &[2, 4] } else { &[2, 5, 10, 20, 40] }),
             Sweep::Basis => self.basis(if quick { &[3, 6] } else { &[5, 10, 20, 40, 80] }),
-            Sweep::Resolution => self.resolution(if quick { &[10, 14] } else { &[16, 24, 32, 48, 64] }),
+            Sweep::Resolution => self.resolution(if quick { &[10, 14] } else { &[16, 32, 64, 128, 254] }),
+            Sweep::Training => self.training(if quick { &[10, 14] } else { &[16, 32, 64, 128, 254] }),
+            Sweep::Shapes => self.shapes(if quick { &[5, 8] } else { &[4, 20, 80, 200, 798] }),
             Sweep::Unknown => self.unknown(if quick { &[0.2, 0.6] } else { &[0.05, 0.1, 0.2, 0.4, 0.6] }),
             Sweep::Threads => self.threads(),
             Sweep::Subscribers => self.subscribers(if quick { &[1, 2] } else { &[1, 2, 4, 8, 16] }),
@@ -140,11 +150,49 @@ impl Scale {
     }
 
     fn resolution(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
-        let recipe = Recipe { classes: 3, basis: 10, ..self.effort.recipe };
+        let recipe = Recipe { classes: 2, basis: 8, ..self.effort.recipe };
         let setting = format!("{} classes, {} components of each", recipe.classes, recipe.basis);
-        let why = "hidden voxels grow with its cube, what is taken column by column with its square";
+        let why = "hidden voxels grow with its cube, what is taken column by column with its square; above 64 the basis is read in place, by \
+                   all threads, and poses are searched on 32³ and refined on the larger";
         let cases = sizes.iter().map(|&resolution| Recipe { resolution, ..recipe }.asked(|_| resolution as f64));
         self.queries("voxels along a side", setting, why, [3.0; 3], cases)
+    }
+
+    fn training(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
+        let recipe = Recipe { classes: 2, basis: 8, ..self.effort.recipe };
+        let cases = sizes.iter().map(|&resolution| (resolution as f64, Recipe { resolution, ..recipe }));
+        let setting = format!("2 classes, {} components and {} shapes of each", recipe.basis, recipe.shapes().shapes.len() / 2);
+        let why = "the basis has a row for every voxel, and is written once; shapes have a bit for each. Up to 64 most of the time goes into \
+                   densities of turned objects, whose number does not grow, and tables take several times the basis";
+        Self::trained("voxels along a side, learning", setting, why, [3.0; 5], cases)
+    }
+
+    fn shapes(&self, per_class: &[usize]) -> Result<Series, ScaleError> {
+        let recipe = Recipe { classes: 5, ..self.effort.recipe };
+        let cases = per_class.iter().map(|&shapes| {
+            let basis = recipe.basis.min(shapes - 1);
+            ((recipe.classes * shapes) as f64, Recipe { shapes: Some(shapes), basis, ..recipe })
+        });
+        let setting = format!("{} classes, {} components of each if it has the shapes, {}", recipe.classes, recipe.basis, recipe.dims());
+        let why = "inner products of all pairs of a class take its square, eigenvectors of n × n its cube; objects that are held out, and the \
+                   views that are rendered, grow with the shapes up to a bound; the model does not grow once it has its components";
+        Self::trained("shapes", setting, why, [2.0, 1.0, 0.0, 0.0, 0.0], cases)
+    }
+
+    /// A series with the lines of [`training::MEASURES`].
+    fn trained(
+        name: &str,
+        setting: String,
+        why: &str,
+        expected: [f64; 5],
+        cases: impl Iterator<Item = (f64, Recipe)>,
+    ) -> Result<Series, ScaleError> {
+        let measured: Vec<(f64, Vec<f64>)> =
+            cases.map(|(size, recipe)| Ok((size, training::measure(recipe)?))).collect::<Result<_, ScaleError>>()?;
+        let (sizes, values): (Vec<f64>, Vec<Vec<f64>>) = measured.into_iter().unzip();
+        let lines = training::MEASURES.iter().zip(expected).enumerate();
+        let lines = lines.map(|(m, ((name, unit), expected))| Line::of(name, unit, expected, points(&sizes, &values, m))).collect();
+        Ok(Series { name: name.into(), setting, why: why.into(), lines })
     }
 
     fn threads(&self) -> Result<Series, ScaleError> {
@@ -227,7 +275,8 @@ impl Recipe {
         let model = self.learn()?;
         let size = size(&model);
         let perceiver = Perceiver::new(Arc::new(model))?;
-        Ok((size, Asked::new(Arc::new(perceiver), self.observations(OBSERVATIONS), None)))
+        let count = if perceiver.model().levels.is_empty() { OBSERVATIONS } else { FEW_OBSERVATIONS };
+        Ok((size, Asked::new(Arc::new(perceiver), self.observations(count), None)))
     }
 }
 
@@ -308,7 +357,7 @@ mod tests {
 
     #[test]
     fn models_are_as_large_as_the_recipe_says() {
-        let recipe = Recipe { resolution: 12, classes: 3, basis: 6 };
+        let recipe = Recipe { resolution: 12, classes: 3, basis: 6, shapes: None };
         let model = recipe.learn().unwrap();
         assert_eq!(model.dims(), Dims::cube(12).unwrap());
         assert_eq!(model.metadata.classes.iter().map(|c| c.basis_size).collect::<Vec<_>>(), [6; 3]);

@@ -31,7 +31,7 @@ enum What {
     Query(query::Query),
     /// Time queries of a model of a large grid, beside a plain read of all of its basis
     Large(large::Large),
-    /// Measure how the cost of a query grows: with classes, basis size, resolution, hidden voxels, threads, subscribers
+    /// Measure how queries and learning grow: with classes, basis size, resolution, shapes, hidden voxels, threads, subscribers
     Scale(scale::Scale),
     /// Time handing grids from one process to another, by our channels and by others
     Transport(transport::Transport),

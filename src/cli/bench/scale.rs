@@ -7,7 +7,7 @@ use crate::cli::progress;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// Measure how the cost of a query grows, on models learned in memory from made-up shapes
+/// Measure how queries and learning grow, on models learned in memory from made-up shapes
 #[derive(Args)]
 pub struct Scale {
     /// What to vary, separated by commas
@@ -16,7 +16,7 @@ pub struct Scale {
     /// Few small sizes: to see that it works, not to learn from it
     #[arg(long)]
     quick: bool,
-    /// Print JSON instead of tables: points are (size, median in microseconds)
+    /// Print JSON instead of tables: points are (size, median)
     #[arg(long)]
     json: bool,
     /// Draw one chart of each into this folder
