@@ -137,12 +137,17 @@ fn a_model_that_memory_cannot_hold_is_refused_before_it_is_loaded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("enormous.safetensors");
     remade(&path, |metadata| {
-        metadata.dims = beo::grid::Dims::cube(256).unwrap();
+        metadata.dims = beo::grid::Dims::cube(64).unwrap();
         metadata.classes.iter_mut().for_each(|class| class.basis_size = 250);
     });
     let name = path.to_str().unwrap();
-    refused(&run(["serve", "--model", name, "--instance", &instance()]), &[name, "MB of memory", "MB left", "--resolution"]);
-    refused(&run(["perceive", "x.off", "--model", name]), &[name, "MB of memory"]);
+    let limited = |arguments: &[&str]| {
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -v 1500000; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_beo")]).args(arguments).stdin(Stdio::null());
+        command.output().unwrap()
+    };
+    refused(&limited(&["serve", "--model", name, "--instance", &instance()]), &[name, "MB of memory", "MB left", "--resolution"]);
+    refused(&limited(&["perceive", "x.off", "--model", name]), &[name, "MB of memory"]);
 }
 
 #[test]
