@@ -31,6 +31,8 @@ const FINER: usize = 2;
 struct Smooth {
     values: Vec<u8>,
     sides: [usize; 3],
+    /// Voxels on each side that only the blur reaches.
+    pad: usize,
     /// Input coordinates of the first voxel's centre, and the voxels' size.
     origin: Vector3<f64>,
     step: f64,
@@ -132,18 +134,21 @@ impl Solid {
     pub(super) fn for_each_cell(&self, level: Level, canvas: &Canvas, placement: &Similarity, mut cell: impl FnMut(usize, u8)) -> bool {
         let smooth = &self.smooth[level as usize];
         let [_, ny, nz] = smooth.sides;
-        // Outline of the fine grid in cells.
+        // Outline of the fine grid in cells: of the shape, and with what the blur adds.
         let last = smooth.sides.map(|side| side as f64 - 1.0);
-        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-        for corner in 0..8 {
-            let at = Vector3::from_fn(|axis, _| if corner >> axis & 1 == 1 { last[axis] } else { 0.0 });
-            let point = canvas.cell_of(&placement.place(&Point3::from(smooth.origin + at * smooth.step)));
-            (low, high) = (low.inf(&point), high.sup(&point));
-        }
+        let outline = |pad: f64| {
+            let corner = |corner: usize| {
+                let at = Vector3::from_fn(|axis, _| if corner >> axis & 1 == 1 { last[axis] - pad } else { pad });
+                canvas.cell_of(&placement.place(&Point3::from(smooth.origin + at * smooth.step)))
+            };
+            (1..8).map(corner).fold([corner(0); 2], |[low, high], p| [low.inf(&p), high.sup(&p)])
+        };
         let most = canvas.side as f64 - 1.0;
+        let [low, high] = outline(smooth.pad as f64);
         if !(low.min() >= 0.0 && high.max() <= most) {
             return false;
         }
+        let [low, high] = outline(0.0).map(|end| end.map(|x| x.clamp(0.0, most)));
         // Fine coordinates of cell c: matrix · c + offset.
         let back = placement.rotation.inverse().to_rotation_matrix();
         let matrix = back.matrix() * (canvas.cell / (placement.scale * smooth.step));
@@ -355,6 +360,6 @@ impl Cropped {
             }
         }
         let values = values.iter().map(|v| (255.0 * v).round().clamp(0.0, 255.0) as u8).collect();
-        Smooth { values, sides, origin: self.origin - Vector3::repeat(pad as f64 * self.step), step: self.step }
+        Smooth { values, sides, pad, origin: self.origin - Vector3::repeat(pad as f64 * self.step), step: self.step }
     }
 }

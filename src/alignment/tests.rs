@@ -42,13 +42,13 @@ fn scattered(count: usize, varied: f64, keep_up: bool, seed: u64) -> (Vec<Solid>
             };
             let translation = Vector3::from_fn(|_, _| number(-50.0, 50.0));
             let pose = Similarity { rotation, scale: number(0.2, 5.0), translation };
-            (Solid::new(&Content::Mesh(mesh.mapped(|p| pose.place(p)).unwrap()), 30).unwrap(), pose)
+            (Solid::new(&Content::Mesh(mesh.mapped(|p| pose.place(p)).unwrap()), 24).unwrap(), pose)
         })
         .unzip()
 }
 
 fn settings() -> Settings {
-    Settings { resolution: 30, ..Settings::default() }
+    Settings { resolution: 24, ..Settings::default() }
 }
 
 /// From a shape's own coordinates to where it came to lie.
@@ -76,11 +76,11 @@ fn copies_of_one_shape_come_to_lie_in_one_place() {
     let middle = recovered[0];
     for one in &recovered {
         let apart = one.rotation.angle_to(&middle.rotation).to_degrees();
-        assert!(apart < 2.0, "{apart}°");
-        assert!((one.scale / middle.scale).ln().abs() < 0.04, "{} {}", one.scale, middle.scale);
-        // The hammer's middle; a cell is 1/30.
+        assert!(apart < 3.0, "{apart}°");
+        assert!((one.scale / middle.scale).ln().abs() < 0.05, "{} {}", one.scale, middle.scale);
+        // The hammer's middle; a cell is 1/24.
         let at = |pose: &Similarity| pose.place(&Point3::new(0.0, 0.0, 5.0));
-        assert!((at(one) - at(&middle)).norm() < 0.6 / 30.0, "{} {}", at(one), at(&middle));
+        assert!((at(one) - at(&middle)).norm() < 0.6 / 24.0, "{} {}", at(one), at(&middle));
     }
 }
 
@@ -131,7 +131,7 @@ fn aligned_shapes_fill_four_fifths_of_the_cube_and_none_leaves_it() {
     assert!((check(&solids) - 0.8).abs() < 1e-9);
     // One that is much longer makes all smaller.
     let rod = boxes(&[[[-0.2, -0.3, 0.0], [0.2, 0.3, 30.0]]]);
-    solids.push(Solid::new(&Content::Mesh(rod), 30).unwrap());
+    solids.push(Solid::new(&Content::Mesh(rod), 24).unwrap());
     check(&solids);
 }
 
@@ -166,6 +166,16 @@ fn a_shape_that_leaves_the_canvas_is_not_counted_as_gone() {
     assert!(!stack.add(&cube, &far));
     assert_eq!(stack.entropy(), 0.0);
     assert!(Canvas::new(20).side == 40 && Canvas::new(21).side == 41);
+}
+
+/// However coarse, a rod among blocks stays within the canvas: it is longer than they are where all have one radius.
+#[test]
+fn shapes_of_unlike_proportions_can_be_compared() {
+    let solid = |size: [f64; 3]| Solid::new(&Content::Mesh(boxes(&[[[0.0; 3], size]])), 16).unwrap();
+    let solids = [solid([1.0, 1.1, 1.2]), solid([1.0, 0.9, 1.1]), solid([0.1, 0.1, 4.0]), solid([1.3, 1.0, 1.2])];
+    let found = congeal(&solids, &Settings { resolution: 16, ..settings() }, |_| {});
+    assert!(found.descents.iter().flatten().all(|entropy| entropy.is_finite()), "{:?}", found.descents);
+    assert!(found.after.entropy <= found.before.entropy);
 }
 
 #[test]

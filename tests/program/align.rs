@@ -183,7 +183,7 @@ fn pliers_lie_flat_with_their_jaws_at_one_end() {
     assert!(aligned.status.success(), "{}", text(&aligned.stderr));
     println!("{}", text(&aligned.stdout));
     let class = &alignment(&out).classes["plier"];
-    assert!(class.entropy_after < 0.82 * class.entropy_before && class.entropy_after < 0.88 * class.entropy_normalised, "{class:?}");
+    assert!(class.entropy_after < 0.79 * class.entropy_before && class.entropy_after < 0.85 * class.entropy_normalised, "{class:?}");
     for file in &class.files {
         let mesh = parse_off(&std::fs::read(out.join(&file.output)).unwrap()).unwrap();
         let [low, high] = mesh.bounds();
@@ -198,6 +198,9 @@ fn pliers_lie_flat_with_their_jaws_at_one_end() {
                 (b - a).cross(&(c - a)).norm() * ((a.y + b.y + c.y) / 3.0 - low.y)
             })
             .sum();
-        println!("{}: {side:?} {}", file.output, sides / (high.y - low.y));
+        let area: f64 = mesh.triangles().iter().map(|t| mesh.corners(*t)).map(|[a, b, c]| (b - a).cross(&(c - a)).norm()).sum();
+        // 0.24 to 0.33: 0.5 where one lies across, 0.7 where it lies the wrong way round.
+        let share = sides / area / (high.y - low.y);
+        assert!(share < 0.4, "{}: its jaws are not at +y: {share}", file.output);
     }
 }
