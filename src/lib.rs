@@ -16,12 +16,15 @@
 //! Beyond the paper: class densities of visual hulls ([`learning`], `hull_density`), the evidence of the known voxels
 //! ([`perception::ClassSubspace`]), and calibration on held-out objects ([`learning`], `calibration`).
 //!
+//! Before learning, [`alignment`] brings shapes of one kind to one pose (congealing, Learned-Miller 2006); it builds on [`grid`] and [`shapes`].
+//!
 //! Imports run one way: [`grid`] ← [`shapes`], [`model`] ← [`perception`] ← [`learning`] (whose calibration scores held-out
 //! objects as queries are scored), [`evaluation`], [`service`] ← [`benchmark`] ← [`cli`]. [`picture`] draws what the last ones show,
 //! [`export`] writes it for other programs' viewers, and [`recording`] what a daemon answers; [`linear`] wraps the factorisations, [`memory`]
 //! says how much may be taken, and [`process`] starts other processes. Only [`service`], [`benchmark`], [`recording`] and the subcommands
 //! know of the messages in shared memory (the crate `beo_ipc`).
 
+pub mod alignment;
 pub mod benchmark;
 pub mod camera;
 pub mod cli;

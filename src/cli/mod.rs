@@ -3,6 +3,7 @@
 #[macro_use]
 mod output;
 
+mod align;
 mod answers;
 mod bench;
 mod camera;
@@ -52,6 +53,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Train(train::Train),
+    Align(align::Align),
     Generate(generate::Generate),
     Inspect(inspect::Inspect),
     Perceive(perceive::Perceive),
@@ -89,6 +91,7 @@ pub fn run() -> ExitCode {
     }
     let outcome = match arguments.command {
         Command::Train(command) => command.run(),
+        Command::Align(command) => command.run(),
         Command::Generate(command) => command.run(),
         Command::Inspect(command) => command.run(),
         Command::Perceive(command) => command.run(),

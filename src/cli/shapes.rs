@@ -5,7 +5,7 @@ use super::progress;
 use crate::camera::simulation::{self, Eye};
 use crate::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
 use crate::shapes::library::{self, LoadOptions, Shapes};
-use crate::shapes::{ReadOptions, Up, longest_side, read_observation, read_shape};
+use crate::shapes::{Placing, ReadOptions, Up, longest_side, read_observation, read_shape};
 use clap::{Args, ValueEnum};
 use nalgebra::Vector3;
 use std::borrow::Cow;
@@ -39,11 +39,17 @@ impl MeshArguments {
         if longest == 0 || longest > most {
             return Err(Failure::Usage(format!("--longest {longest}: use 1 to {most}, the side of the grid")));
         }
-        let up = match self.up {
+        Ok(ReadOptions { dims, placing: Placing::LongestSide(longest), up: self.up.up() })
+    }
+}
+
+impl UpArgument {
+    /// The axis.
+    pub fn up(self) -> Up {
+        match self {
             UpArgument::Z => Up::Z,
             UpArgument::Y => Up::Y,
-        };
-        Ok(ReadOptions { longest, up, ..ReadOptions::new(dims) })
+        }
     }
 }
 
@@ -129,9 +135,9 @@ impl ViewArgument {
     /// Reads what a file holds.
     pub fn source(self, path: &Path, options: &ReadOptions, camera: &CameraArguments) -> Result<Source, Failure> {
         match self {
-            ViewArgument::Top => Ok(Source::Above(read_shape(path, options)?)),
+            ViewArgument::Top => Ok(Source::Above(read_shape(path, &options.for_file(path)?)?)),
             ViewArgument::Camera => {
-                let object = read_shape(path, options)?;
+                let object = read_shape(path, &options.for_file(path)?)?;
                 let eye = camera.eye(&object)?;
                 Ok(Source::Camera(object, eye))
             }
@@ -154,6 +160,9 @@ impl ViewArgument {
 pub fn load(folder: &Path, splits: &[String], options: &LoadOptions) -> Result<Shapes, Failure> {
     let wanted: Vec<&str> = splits.iter().map(String::as_str).collect();
     let library = library::scan(folder, &wanted)?;
+    if library.placed {
+        eprintln!("{}: the meshes were placed by `beo align` and are taken as they lie, whatever --longest and --up", folder.display());
+    }
     let bar = progress::bar(library.files.len(), "reading shapes");
     let shapes = library::load(&library, options, |_| bar.inc(1));
     bar.finish_and_clear();

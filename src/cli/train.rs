@@ -197,7 +197,7 @@ impl Train {
             seed: self.seed,
             folds: self.folds,
             splits,
-            longest_side: read.longest,
+            longest_side: read.longest(),
             licence: self.licence,
         };
         let bar = progress::bar(self.folds + 2, "learning");

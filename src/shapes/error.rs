@@ -103,4 +103,7 @@ pub enum ReadError {
         /// The size that was asked for.
         expected: Dims,
     },
+    /// The folder of the file has an `alignment.json` that cannot be used.
+    #[error("{0}")]
+    Alignment(#[from] super::AlignmentFileError),
 }

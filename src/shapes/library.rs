@@ -3,7 +3,7 @@
 //! A flat folder is one class without splits, named after the folder. Where there is any folder `<class>/<split>`, files beside the
 //! class folders are ignored.
 
-use super::{Format, ReadError, ReadOptions, read_shape};
+use super::{ALIGNMENT_FILE, AlignmentFileError, Format, ReadError, ReadOptions, is_placed, read_shape};
 use crate::grid::Occupancy;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
@@ -39,6 +39,8 @@ pub struct Library {
     pub files: Vec<ShapeFile>,
     /// Hidden files and files of unknown kinds, which were passed over.
     pub ignored: usize,
+    /// Whether `beo align` wrote the folder: its meshes are then taken as they lie in the unit cube.
+    pub placed: bool,
 }
 
 /// What a folder of shapes should look like, for messages.
@@ -80,6 +82,9 @@ pub enum LibraryError {
         /// The folder.
         root: PathBuf,
     },
+    /// The folder's `alignment.json` cannot be used.
+    #[error("{0}")]
+    Alignment(#[from] AlignmentFileError),
     /// The folders are there, but hold no file of a known kind.
     #[error("{} holds no shape in {} ({ignored} other files): expected {known}; {LAYOUT}", root.display(), wanted.join(", "), known = Format::KNOWN)]
     NoShape {
@@ -194,6 +199,9 @@ impl Library {
         self.ignored += hidden;
         for name in files {
             let path = folder.join(&name);
+            if name == ALIGNMENT_FILE {
+                continue;
+            }
             if Format::of(&path).is_some() {
                 self.files.push(ShapeFile { path, relative: format!("{relative_folder}/{name}"), class: self.classes.len() - 1 });
             } else {
@@ -207,7 +215,7 @@ impl Library {
 /// Finds the shapes of the given splits; of a flat folder, which has none, all its shapes, and `splits` must be empty. Classes without
 /// any of these splits do not count; hidden files and files of unknown kinds are counted only.
 pub fn scan(root: &Path, splits: &[&str]) -> Result<Library, LibraryError> {
-    let mut library = Library { root: root.into(), classes: Vec::new(), files: Vec::new(), ignored: 0 };
+    let mut library = Library { root: root.into(), classes: Vec::new(), files: Vec::new(), ignored: 0, placed: is_placed(root)? };
     let wanted = || splits.iter().map(|s| s.to_string()).collect();
     if is_flat(root)? {
         if !splits.is_empty() {
@@ -352,8 +360,9 @@ impl Shapes {
 /// any thread, with the number of files read so far.
 pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) + Sync) -> Result<Shapes, LibraryError> {
     let done = AtomicUsize::new(0);
+    let reading = if library.placed { options.read.placed() } else { options.read };
     let read = |file: &ShapeFile| {
-        let object = read_shape(&file.path, &options.read);
+        let object = read_shape(&file.path, &reading);
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
         object
     };
@@ -514,6 +523,35 @@ mod tests {
         let library = scan(folder.path(), &["train"]).unwrap();
         assert_eq!((library.classes.len(), library.files.len(), library.ignored), (2, 7, 2));
         assert!(matches!(scan(folder.path(), &[]), Err(LibraryError::NoSplit { .. })));
+    }
+
+    #[test]
+    fn meshes_of_an_aligned_folder_stay_as_large_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("pliers");
+        std::fs::create_dir(&root).unwrap();
+        let octahedron = "OFF\n6 8 0\n0.24 0 0\n-0.24 0 0\n0 0.24 0\n0 -0.24 0\n0 0 0.24\n0 0 -0.24\n\
+            3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";
+        std::fs::write(root.join("a.off"), octahedron).unwrap();
+        let extent = |options: LoadOptions| {
+            let library = scan(&root, &[]).unwrap();
+            let [low, high] = load(&library, &options, |_| {}).unwrap().shapes[0].object.bounds().unwrap();
+            (library.placed, high[0] - low[0])
+        };
+        let options = LoadOptions { read: ReadOptions::new(Dims::cube(20).unwrap()), skip_duplicates: false, minimum: 0 };
+        assert_eq!(extent(options), (false, 16));
+        let file = root.join("a.off");
+        assert_eq!(options.read.for_file(&file).unwrap(), options.read);
+        let alignment = serde_json::to_string(&crate::shapes::Alignment::new(40, Default::default())).unwrap();
+        std::fs::write(root.join(ALIGNMENT_FILE), alignment).unwrap();
+        assert_eq!(extent(options), (true, 10));
+        assert_eq!(scan(&root, &[]).unwrap().ignored, 0);
+        assert_eq!(options.read.for_file(&file).unwrap(), options.read.placed());
+        assert_eq!(options.read.for_file(&root.join("class/split/a.off")).unwrap(), options.read.placed());
+        std::fs::write(root.join(ALIGNMENT_FILE), "{").unwrap();
+        let message = scan(&root, &[]).unwrap_err().to_string();
+        assert!(message.contains("pliers/alignment.json"), "{message}");
+        assert!(options.read.for_file(&file).unwrap_err().to_string().contains("pliers/alignment.json"));
     }
 
     #[test]

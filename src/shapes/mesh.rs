@@ -102,6 +102,11 @@ impl Mesh {
         triangle.map(|v| self.vertices[v as usize])
     }
 
+    /// The same triangles with every vertex somewhere else.
+    pub fn mapped(&self, map: impl Fn(&Point3<f64>) -> Point3<f64>) -> Result<Self, MeshError> {
+        Self::new(self.vertices.iter().map(map).collect(), self.triangles.clone())
+    }
+
     /// The mesh turned so that its `up` axis is z.
     pub fn turned_up(mut self, up: Up) -> Self {
         if up == Up::Y {

@@ -4,6 +4,7 @@
 //! function takes untrusted bytes: it neither panics nor allocates more than a small multiple of their number (and of the
 //! largest grid).
 
+mod alignment_file;
 mod binvox;
 mod error;
 pub mod furniture;
@@ -18,6 +19,7 @@ mod read;
 mod stl;
 mod voxelise;
 
+pub use alignment_file::{ALIGNMENT_FILE, AlignedClass, AlignedFile, Alignment, AlignmentFileError, is_placed};
 pub use binvox::{parse_binvox, write_binvox};
 pub(crate) use error::shown;
 pub use error::{FormatError, ReadError};
@@ -25,9 +27,9 @@ pub use mesh::{Mesh, MeshError, Up};
 pub(crate) use npy::check_npy_header;
 pub use npy::{parse_npy, parse_npy_observation, write_npy_observation};
 pub use obj::parse_obj;
-pub use off::parse_off;
+pub use off::{parse_off, write_off};
 pub use ply::parse_ply;
 pub(crate) use read::read_bytes;
-pub use read::{Content, Format, ReadOptions, parse, read_observation, read_shape};
+pub use read::{Content, Format, Placing, ReadOptions, parse, read_observation, read_shape};
 pub use stl::parse_stl;
-pub use voxelise::{longest_side, surface, voxelise};
+pub use voxelise::{longest_side, surface, voxelise, voxelise_unit_cube};

@@ -1,11 +1,12 @@
 //! The OFF format: vertices, then polygons, as text.
 //!
 //! Comments start with `#`. Some of ModelNet's files lack the line break after `OFF` (`OFF490 518 0`). Numbers after a polygon
-//! (colours) are ignored, polygons become triangle fans.
+//! (colours) are ignored, polygons become triangle fans. Written are vertices with nine decimals, and triangles.
 
 use super::mesh::Fans;
 use super::{FormatError, Mesh};
 use nalgebra::Point3;
+use std::io::Write;
 
 fn error(line: usize, problem: impl Into<String>) -> FormatError {
     FormatError::Line { format: "OFF", line, problem: problem.into() }
@@ -77,6 +78,18 @@ pub fn parse_off(bytes: &[u8]) -> Result<Mesh, FormatError> {
     Ok(Mesh::new(points, fans.0)?)
 }
 
+/// Writes a mesh as an OFF file.
+pub fn write_off(out: &mut impl Write, mesh: &Mesh) -> std::io::Result<()> {
+    writeln!(out, "OFF\n{} {} 0", mesh.vertices().len(), mesh.triangles().len())?;
+    for p in mesh.vertices() {
+        writeln!(out, "{:.9} {:.9} {:.9}", p.x, p.y, p.z)?;
+    }
+    for [a, b, c] in mesh.triangles() {
+        writeln!(out, "3 {a} {b} {c}")?;
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,6 +120,15 @@ mod tests {
         assert!(message("OFF\n1 2 0\n0 0 0\n3 0 0 0\n").contains("ends before its faces"));
         assert!(message("OFF\n1 1 0\n0 0 0\n2 0 0\n").contains("no triangle"));
         assert!(parse_off(b"OFF\n\xff\n").unwrap_err().to_string().contains("line 2: not text"));
+    }
+
+    #[test]
+    fn a_written_mesh_reads_back() {
+        let mesh = parse_off(format!("OFF\n5 2 0{BODY}").as_bytes()).unwrap();
+        let mut bytes = Vec::new();
+        write_off(&mut bytes, &mesh).unwrap();
+        assert!(bytes.starts_with(b"OFF\n5 3 0\n0.000000000 0.000000000 0.000000000\n"));
+        assert_eq!(parse_off(&bytes).unwrap(), mesh);
     }
 
     proptest! {

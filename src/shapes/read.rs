@@ -1,7 +1,7 @@
 //! Reading a file as a shape or an observation, whatever its format.
 
 use super::{FormatError, Mesh, ReadError, Up, parse_binvox, parse_npy, parse_npy_observation, parse_obj, parse_off, parse_ply, parse_stl};
-use super::{longest_side, voxelise};
+use super::{is_placed, longest_side, voxelise, voxelise_unit_cube};
 use crate::grid::{Dims, Observation, Occupancy};
 use std::io::Read;
 use std::path::Path;
@@ -49,16 +49,51 @@ impl Format {
 pub struct ReadOptions {
     /// Size of the grid. Voxel files must have it, meshes are voxelised to it.
     pub dims: Dims,
-    /// Voxels along the longest side of a mesh's bounding box; 24 on a grid of 30.
-    pub longest: usize,
+    /// Where a mesh comes to lie on the grid.
+    pub placing: Placing,
     /// Which axis of a mesh points up. Voxel files have z up.
     pub up: Up,
+}
+
+/// Where a mesh comes to lie on the grid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Placing {
+    /// Its bounding box in the middle, so many voxels along the longest side; 24 on a grid of 30. Use this for meshes from anywhere.
+    LongestSide(usize),
+    /// As it lies in the unit cube about the origin, of which the grid is a picture. Use this for what has been aligned, whose sizes and places
+    /// are meant.
+    UnitCube,
 }
 
 impl ReadOptions {
     /// Shapes on a grid of `dims`, four fifths of it along the longest side, z up.
     pub fn new(dims: Dims) -> Self {
-        Self { dims, longest: longest_side(dims), up: Up::Z }
+        Self { dims, placing: Placing::LongestSide(longest_side(dims)), up: Up::Z }
+    }
+
+    /// For meshes that `beo align` has placed.
+    pub fn placed(self) -> Self {
+        Self { placing: Placing::UnitCube, up: Up::Z, ..self }
+    }
+
+    /// For one file: these, unless it lies in a folder that `beo align` has written.
+    pub fn for_file(self, path: &Path) -> Result<Self, ReadError> {
+        // DIR/<shape> or DIR/<class>/<split>/<shape>.
+        for folder in [path.ancestors().nth(1), path.ancestors().nth(3)].into_iter().flatten() {
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            if is_placed(folder)? {
+                return Ok(self.placed());
+            }
+        }
+        Ok(self)
+    }
+
+    /// Voxels along the longest side of a shape; of those that were placed, on average.
+    pub fn longest(&self) -> usize {
+        match self.placing {
+            Placing::LongestSide(longest) => longest,
+            Placing::UnitCube => longest_side(self.dims),
+        }
     }
 }
 
@@ -90,7 +125,13 @@ pub fn read_shape(path: &Path, options: &ReadOptions) -> Result<Occupancy, ReadE
     match parse(format, &bytes) {
         Ok(Content::Voxels(object)) if object.dims() == options.dims => Ok(object),
         Ok(Content::Voxels(object)) => Err(ReadError::OtherDims { path: path.into(), found: object.dims(), expected: options.dims }),
-        Ok(Content::Mesh(mesh)) => Ok(voxelise(&mesh.turned_up(options.up), options.dims, options.longest)),
+        Ok(Content::Mesh(mesh)) => {
+            let mesh = mesh.turned_up(options.up);
+            Ok(match options.placing {
+                Placing::LongestSide(longest) => voxelise(&mesh, options.dims, longest),
+                Placing::UnitCube => voxelise_unit_cube(&mesh, options.dims),
+            })
+        }
         Err(source) => Err(ReadError::Malformed { path: path.into(), source }),
     }
 }

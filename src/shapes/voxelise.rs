@@ -30,7 +30,20 @@ pub fn voxelise(mesh: &Mesh, dims: Dims, longest: usize) -> Occupancy {
 pub fn surface(mesh: &Mesh, dims: Dims, longest: usize) -> Occupancy {
     let [low, high] = mesh.bounds();
     let scale = longest as f64 * (1.0 - 1e-6) / (high - low).max();
-    let middle = low + (high - low) / 2.0;
+    surface_at(mesh, dims, scale, low + (high - low) / 2.0)
+}
+
+/// Voxelises a mesh as it lies in the unit cube about the origin, whose sides are those of the grid (the smallest one of it, where they
+/// differ), as [`voxelise`] fills voxels. What lies outside of the grid is cut off.
+pub fn voxelise_unit_cube(mesh: &Mesh, dims: Dims) -> Occupancy {
+    let side = dims.x().min(dims.y()).min(dims.z()) as f64;
+    let mut object = surface_at(mesh, dims, side, Point3::origin());
+    fill_inside(&mut object);
+    object
+}
+
+/// The voxels that the surface touches where `middle` is the grid's centre and a unit takes `scale` voxels.
+fn surface_at(mesh: &Mesh, dims: Dims, scale: f64, middle: Point3<f64>) -> Occupancy {
     let centre = Vector3::new(dims.x() as f64, dims.y() as f64, dims.z() as f64) / 2.0;
     let mut object = Occupancy::empty(dims);
     for &triangle in mesh.triangles() {
@@ -247,6 +260,14 @@ mod tests {
         // 6 × 12 × 4 units become 12 × 24 × 8 voxels around (15, 15, 15).
         assert_eq!(ranges(&object), [9..21, 3..27, 11..19]);
         assert_eq!(object.count(), 12 * 24 * 8);
+    }
+
+    #[test]
+    fn in_the_unit_cube_a_mesh_stays_where_it_is() {
+        let dims = Dims::cube(20).unwrap();
+        let object = voxelise_unit_cube(&cuboid([-0.499, 0.051, -0.049], [-0.251, 0.249, 0.449]), dims);
+        assert_eq!(ranges(&object), [0..5, 11..15, 9..19]);
+        assert_eq!(object.count(), 5 * 4 * 10);
     }
 
     #[test]

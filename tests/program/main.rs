@@ -1,5 +1,6 @@
 //! The program as its users run it: real processes, real shared memory.
 
+mod align;
 mod bench;
 mod camera;
 mod client;

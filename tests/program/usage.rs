@@ -24,7 +24,7 @@ fn help_names_every_subcommand() {
     assert!(output.status.success());
     let commands = [
         "train", "inspect", "perceive", "serve", "status", "reload", "observe", "camera", "watch", "record", "eval", "demo", "bench",
-        "generate",
+        "generate", "align",
     ];
     for command in commands {
         assert!(text(&output.stdout).contains(command));

@@ -123,7 +123,10 @@ impl Latency {
         let pose = self.pose.into();
         let shapes = match self.files.as_slice() {
             [] => Grids::furniture(model.dims()),
-            files => files.iter().map(|file| read_shape(file, &ReadOptions::new(model.dims()))).collect::<Result<Vec<Occupancy>, _>>()?,
+            files => files
+                .iter()
+                .map(|file| read_shape(file, &ReadOptions::new(model.dims()).for_file(file)?))
+                .collect::<Result<Vec<Occupancy>, _>>()?,
         };
         let grids = Grids::new(&shapes, pose);
         let mut loads: Vec<Load> = Vec::new();

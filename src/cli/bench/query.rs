@@ -152,7 +152,7 @@ impl Query {
             }
             (_, Some(split)) => return Err(Failure::Usage(format!("--split {split}: give the one folder that it is a split of"))),
             (files, None) => {
-                let object = |path: &PathBuf| Ok(Object { shape: read_shape(path, &read)?, class: None });
+                let object = |path: &PathBuf| Ok(Object { shape: read_shape(path, &read.for_file(path)?)?, class: None });
                 (files.iter().take(count).map(object).collect::<Result<_, Failure>>()?, format!("{} files", files.len().min(count)))
             }
         };
