@@ -4,7 +4,7 @@
 use super::perceiver::{PerceiveError, Perceiver, Workspace};
 use super::percept::{Lay, ScaleSearch};
 use super::subspace::Conditional;
-use super::{Method, Percept, PoseSearch, Query, Reading};
+use super::{Hypothesis, Method, Percept, PoseSearch, Query, Reading};
 use crate::grid::{Rotation, yaw};
 use crate::model::Damaged;
 use nalgebra::{Unit, Vector3};
@@ -44,6 +44,7 @@ impl Perceiver {
             [extent, extent_deviation, position_deviation].into_iter().flatten().for_each(|length| *length *= factor);
         }
         if percept.informed && percept.placed.is_turned_only() && query.pose != PoseSearch::Known {
+            self.weigh_hypotheses(query, work, percept)?;
             self.refine_hypotheses(query, work, percept)?;
         }
         work.turn.set_to_object(&percept.placed);
@@ -54,6 +55,36 @@ impl Perceiver {
             self.project_as_the_paper(query, work)?;
         }
         percept.timings.posed = work.stopwatch.elapsed();
+        Ok(())
+    }
+
+    /// Weighs the hypotheses anew by the evidence on the largest of the smaller grids: it tells ends of an object apart that look alike on
+    /// the smallest.
+    fn weigh_hypotheses(&self, query: &Query, work: &Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
+        let (Some(level), Some(small)) = (self.levels.last(), work.levels.last()) else { return Ok(()) };
+        let perceiver = &level.perceiver;
+        let weight = perceiver.model.metadata.calibration.evidence.evidence;
+        let mut scores = Vec::with_capacity(percept.hypotheses.len());
+        for hypothesis in &percept.hypotheses {
+            let mut conditional = Conditional::new(perceiver.subspaces[hypothesis.class].size());
+            let turned = perceiver.turned_back(&small.seen, &hypothesis.rotation, query);
+            scores.push(weight * perceiver.condition_turned(&turned, hypothesis.class, &mut conditional)?);
+        }
+        // Within each class: what the classes are worth is not changed.
+        for class in 0..percept.posterior.len() {
+            let of_class = |hypotheses: &[Hypothesis]| hypotheses.iter().filter(|h| h.class == class).map(|h| h.probability).sum::<f64>();
+            let before = of_class(&percept.hypotheses);
+            let best = scores.iter().zip(&percept.hypotheses).filter(|(_, h)| h.class == class).map(|(score, _)| *score);
+            let best = best.fold(f64::NEG_INFINITY, f64::max);
+            for (hypothesis, score) in percept.hypotheses.iter_mut().zip(&scores).filter(|(h, _)| h.class == class) {
+                hypothesis.probability *= (score - best).exp();
+            }
+            let after = of_class(&percept.hypotheses);
+            if after > 0.0 {
+                percept.hypotheses.iter_mut().filter(|h| h.class == class).for_each(|h| h.probability *= before / after);
+            }
+        }
+        percept.hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         Ok(())
     }
 
