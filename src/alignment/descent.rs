@@ -22,8 +22,8 @@ const MOST_ROUNDS: usize = 60;
 const LEAST_GAIN: f64 = 2e-4;
 /// Which of the seven numbers is the scale.
 const SCALE: usize = 3;
-/// Largest change of a shape's scale, as a factor either way.
-const MOST_SCALE: f64 = 2.0;
+/// Largest change of a shape's scale, as a factor either way: bulky shapes that shrink while thin ones grow would lower the entropy too.
+const MOST_SCALE: f64 = 1.5;
 
 /// The shapes of one class and what they are given by.
 pub(super) struct Stage<'a> {
@@ -191,10 +191,12 @@ impl Stage<'_> {
         poses.iter().map(|p| Pose { log_scale: p.log_scale - log_scale, centre: (p.centre - centre) * back, ..*p }).collect()
     }
 
-    /// A state at a level.
+    /// A state at a level; its entropy is infinite where a scale is out of bounds, or a shape leaves the canvas.
     pub fn state(&self, level: Level, poses: &[Pose]) -> State {
         let poses = self.centred(poses);
-        State { entropy: self.entropy(level, &poses), poses }
+        // Also after the others' scales have been made up for.
+        let is_bounded = poses.iter().all(|pose| pose.log_scale.abs() <= MOST_SCALE.ln() + 1e-9);
+        State { entropy: if is_bounded { self.entropy(level, &poses) } else { f64::INFINITY }, poses }
     }
 
     /// Descends at one level until nothing is gained any more. `history` gets the entropy after every round.

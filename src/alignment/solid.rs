@@ -145,7 +145,9 @@ impl Solid {
         };
         let most = canvas.side as f64 - 1.0;
         let [low, high] = outline(smooth.pad as f64);
-        if !(low.min() >= 0.0 && high.max() <= most) {
+        // Coarse voxels' centres lie farther inside the shape: what stays on the canvas there is to stay on the finer ones.
+        let margin = if level == Level::Coarse { 1.0 } else { 0.0 };
+        if !(low.min() >= margin && high.max() <= most - margin) {
             return false;
         }
         let [low, high] = outline(0.0).map(|end| end.map(|x| x.clamp(0.0, most)));
