@@ -1,5 +1,6 @@
 //! Figures of merit. Accuracies are fractions.
 
+use crate::grid::{Observation, Occupancy};
 use serde::Serialize;
 
 /// How far posteriors can be believed.
@@ -95,6 +96,32 @@ pub fn percentile(values: &[f64], percent: f64) -> f64 {
 /// Intersection over union of two binary sets given as counts; two empty sets agree.
 pub fn iou(both: usize, either: usize) -> f64 {
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
+}
+
+/// How well one completion agrees with the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct CompletionErrors {
+    /// Intersection over union over the unknown voxels.
+    pub iou_unknown: f64,
+    /// The same over all voxels, observed ones as observed.
+    pub iou_all: f64,
+    /// Euclidean distance to the truth over all voxels.
+    pub l2: f64,
+}
+
+/// Compares a completion with the truth: `occupancy` is the probability that a voxel is filled, and one half counts as filled.
+pub fn completion_errors(truth: &Occupancy, observation: &Observation, occupancy: impl Fn(usize) -> f32) -> CompletionErrors {
+    let (mut l2, mut both, mut either) = (0.0, 0, 0);
+    for voxel in 0..truth.dims().voxels() {
+        let (p, filled) = (occupancy(voxel), truth.bits().contains(voxel));
+        l2 += (f64::from(p) - f64::from(u8::from(filled))).powi(2);
+        if !observation.known().contains(voxel) {
+            both += usize::from(filled && p >= 0.5);
+            either += usize::from(filled || p >= 0.5);
+        }
+    }
+    let observed = observation.filled().count_ones(..);
+    CompletionErrors { iou_unknown: iou(both, either), iou_all: iou(both + observed, either + observed), l2: l2.sqrt() }
 }
 
 /// Errors of size and place of one query. Lengths are shares of the object's longest side.

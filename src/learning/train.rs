@@ -32,6 +32,9 @@ pub struct TrainOptions {
     pub seed: u64,
     /// Number of folds, at least two.
     pub folds: usize,
+    /// Whether to learn what poses are searched with: smaller grids, and views from all sides. A model without them answers queries in
+    /// known pose, the same as with them, and is not to be saved.
+    pub poses: bool,
     /// Splits that the shapes come from, for the record.
     pub splits: Vec<String>,
     /// Longest side of a mesh in voxels, for the record.
@@ -50,6 +53,7 @@ impl Default for TrainOptions {
             basis_range: [30, 70],
             seed: 0,
             folds: 3,
+            poses: true,
             splits: vec!["train".into()],
             longest_side: 24,
             licence: String::new(),
@@ -119,7 +123,7 @@ pub struct Step {
 /// [`TrainError`].
 pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) + Sync)) -> Result<Model, TrainError> {
     let (dims, classes) = by_class(shapes)?;
-    let smaller = levels_of(dims);
+    let smaller = if options.poses { levels_of(dims) } else { Vec::new() };
     let mut levels = Vec::new();
     for to in &smaller {
         let shrinking = Shrinking::new(dims, *to);
@@ -133,7 +137,7 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
         levels.push(learn(&data, &shapes.classes, &TrainOptions { longest_side, ..options.clone() }, progress)?);
     }
     // Cameras are searched where poses are.
-    let elevations = if smaller.is_empty() { options.camera_elevations_deg.clone() } else { Vec::new() };
+    let elevations = if smaller.is_empty() && options.poses { options.camera_elevations_deg.clone() } else { Vec::new() };
     let model = learn(
         &Data::new(dims, classes),
         &shapes.classes,
@@ -203,7 +207,7 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         })
         .collect();
     let mut turned = None;
-    if fit.footprint.is_none() {
+    if fit.footprint.is_none() && options.poses {
         step("learning views from all sides", folds.len() + 2);
         turned = Some(view_densities(&data.classes, options.seed)?);
     }

@@ -1,0 +1,251 @@
+//! Leave one out (section IV-D of the paper, which learns from 19 plugs and completes the last one): every shape is completed by a model
+//! that was learned from all others, from one view, in known pose and with its class told.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `view` | the one view |
+//! | `baselines` | completions by a training shape, and by the mean of them |
+//! | `paired` | means with their standard errors, and paired comparison |
+//! | `table` | all of it as text |
+//! | `figures` | and as pictures |
+
+mod baselines;
+pub mod figures;
+mod paired;
+mod table;
+mod view;
+
+pub use baselines::Baselines;
+pub use paired::{Mean, Paired};
+pub use table::table;
+pub use view::OneView;
+
+use super::metrics::{CompletionErrors, completion_errors};
+use crate::grid::{Observation, Occupancy};
+use crate::learning::{Step, TrainError, TrainOptions, train};
+use crate::perception::{PerceiveError, Perceiver, Percept, Query};
+use crate::shapes::library::{Shape, Shapes};
+use serde::Serialize;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The method whose completions are compared with those of all others.
+pub const OURS: &str = "beo";
+
+/// The errors of one left-out shape by every way to complete it.
+#[derive(Clone, Debug, Serialize)]
+pub struct LeftOut {
+    /// Path relative to the folder of shapes.
+    pub file: String,
+    /// Its class.
+    pub class: String,
+    /// Shapes of its class that were learned from.
+    pub learned_from: usize,
+    /// Voxels that were not observed.
+    pub unknown_voxels: usize,
+    /// The completion.
+    pub beo: CompletionErrors,
+    /// The training shape that agrees best with what was observed, in the place of what was not.
+    pub nearest: CompletionErrors,
+    /// That shape.
+    pub nearest_file: String,
+    /// The mean of the training shapes of the class.
+    pub mean: CompletionErrors,
+    /// A bound, not a method: the training shape that agrees best with the truth.
+    pub nearest_by_oracle: CompletionErrors,
+    /// That shape.
+    pub nearest_by_oracle_file: String,
+    /// Seconds of training.
+    pub train_s: f64,
+    /// Milliseconds of the query, completion included.
+    pub query_ms: f64,
+}
+
+/// A way to complete: its name, and its errors of a shape.
+type Way = (&'static str, fn(&LeftOut) -> &CompletionErrors);
+
+/// A figure of merit: its name, its value, and whether less of it is better.
+type Merit = (&'static str, fn(&CompletionErrors) -> f64, bool);
+
+impl LeftOut {
+    /// All ways to complete, ours first and the bound last.
+    pub const WAYS: [Way; 4] =
+        [(OURS, |s| &s.beo), ("nearest", |s| &s.nearest), ("mean", |s| &s.mean), ("nearest_by_oracle", |s| &s.nearest_by_oracle)];
+}
+
+impl CompletionErrors {
+    /// All figures of merit.
+    pub const MERITS: [Merit; 3] = [("iou_unknown", |e| e.iou_unknown, false), ("iou_all", |e| e.iou_all, false), ("l2", |e| e.l2, true)];
+}
+
+/// What was seen of a left-out shape and how it was completed, for pictures.
+pub struct Example<'a> {
+    /// The errors.
+    pub errors: &'a LeftOut,
+    /// The shape itself.
+    pub truth: &'a Occupancy,
+    /// What was seen of it.
+    pub observation: &'a Observation,
+    /// Our completion: a probability per voxel.
+    pub completion: &'a [f32],
+    /// The other ways.
+    pub baselines: &'a Baselines<'a>,
+}
+
+/// A shape could not be learned without, or not be completed.
+#[derive(Debug, thiserror::Error)]
+pub enum LeaveOneOutError {
+    /// The training failed.
+    #[error("without {file}: {source}")]
+    Train {
+        /// The shape that was left out.
+        file: String,
+        /// Why.
+        source: TrainError,
+    },
+    /// The query failed.
+    #[error("{file}: {source}")]
+    Perceive {
+        /// The shape that was to be completed.
+        file: String,
+        /// Why.
+        source: PerceiveError,
+    },
+}
+
+/// Leaves out the shapes at the places `chosen`, each in turn, and completes it from one view. `learning` is told of the training's steps,
+/// with the place among `chosen`; `seen` is called after each shape. `shapes` is the same afterwards.
+///
+/// The same shapes and options give the same errors, whatever the number of threads.
+///
+/// # Errors
+/// [`LeaveOneOutError`], at the first shape.
+pub fn leave_one_out(
+    shapes: &mut Shapes,
+    chosen: &[usize],
+    view: OneView,
+    options: &TrainOptions,
+    learning: &(dyn Fn(usize, Step) + Sync),
+    mut seen: impl FnMut(Example<'_>),
+) -> Result<Vec<LeftOut>, LeaveOneOutError> {
+    let mut outcome = Vec::new();
+    for (n, &place) in chosen.iter().enumerate() {
+        let shape = shapes.shapes.remove(place);
+        let errors = complete_one(shapes, &shape, view, options, &|step| learning(n, step), &mut seen);
+        shapes.shapes.insert(place, shape);
+        outcome.push(errors?);
+    }
+    Ok(outcome)
+}
+
+/// Learns from `others`, and completes `shape`.
+fn complete_one(
+    others: &Shapes,
+    shape: &Shape,
+    view: OneView,
+    options: &TrainOptions,
+    learning: &(dyn Fn(Step) + Sync),
+    seen: &mut impl FnMut(Example<'_>),
+) -> Result<LeftOut, LeaveOneOutError> {
+    let start = Instant::now();
+    let options = TrainOptions { poses: false, ..options.clone() };
+    let model = train(others, &options, learning).map_err(|source| LeaveOneOutError::Train { file: shape.file.clone(), source })?;
+    let train_s = start.elapsed().as_secs_f64();
+    let observation = view.of(&shape.object);
+    let (percept, query_ms) =
+        complete(model, &observation, shape.class).map_err(|source| LeaveOneOutError::Perceive { file: shape.file.clone(), source })?;
+
+    let truth = &shape.object;
+    let baselines = Baselines::new(others.shapes.iter().filter(|other| other.class == shape.class), &observation, truth);
+    let voxels = truth.dims().voxels();
+    let of_shape = |other: &Shape| completion_errors(truth, &observation, |voxel| baselines.by_shape(other, voxel));
+    let errors = LeftOut {
+        file: shape.file.clone(),
+        class: others.classes[shape.class].clone(),
+        learned_from: baselines.shapes,
+        unknown_voxels: voxels - observation.known().count_ones(..),
+        beo: completion_errors(truth, &observation, |voxel| percept.occupancy[voxel]),
+        nearest: of_shape(baselines.nearest),
+        nearest_file: baselines.nearest.file.clone(),
+        mean: completion_errors(truth, &observation, |voxel| baselines.by_mean(voxel)),
+        nearest_by_oracle: of_shape(baselines.nearest_by_oracle),
+        nearest_by_oracle_file: baselines.nearest_by_oracle.file.clone(),
+        train_s,
+        query_ms,
+    };
+    seen(Example { errors: &errors, truth, observation: &observation, completion: &percept.occupancy, baselines: &baselines });
+    Ok(errors)
+}
+
+/// Completes one observation in known pose, its class told; with the milliseconds that it took.
+fn complete(model: crate::model::Model, observation: &Observation, class: usize) -> Result<(Percept, f64), PerceiveError> {
+    let log_prior = (0..model.classes.len()).map(|s| if s == class { 0.0 } else { f64::NEG_INFINITY }).collect();
+    let query = Query { log_prior, completion: true, ..Query::default() };
+    let perceiver = Perceiver::new(Arc::new(model))?;
+    let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+    let start = Instant::now();
+    perceiver.classify(observation, &query, &mut work, &mut percept)?;
+    perceiver.complete(&query, &mut work, &mut percept)?;
+    Ok((percept, start.elapsed().as_secs_f64() * 1e3))
+}
+
+/// The outcome at one resolution.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// Voxels along each side of the grid.
+    pub resolution: usize,
+    /// Shapes that were left out.
+    pub shapes: usize,
+    /// Mean errors by way of completion and figure of merit.
+    pub summary: Named<Named<Mean>>,
+    /// Our completions against each other way, shape by shape, by figure of merit.
+    pub paired: Named<Named<Paired>>,
+    /// Every shape, in path order.
+    pub per_shape: Vec<LeftOut>,
+}
+
+/// Values by name, in their order.
+#[derive(Clone, Debug)]
+pub struct Named<T>(pub Vec<(&'static str, T)>);
+
+impl<T: Serialize> Serialize for Named<T> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(name, value)| (name, value)))
+    }
+}
+
+impl<T> Named<T> {
+    /// Values by figure of merit.
+    fn by_merit(of: impl Fn(&Merit) -> T) -> Self {
+        Self(CompletionErrors::MERITS.iter().map(|merit| (merit.0, of(merit))).collect())
+    }
+
+    /// The value of a name.
+    pub fn get(&self, name: &str) -> Option<&T> {
+        self.0.iter().find(|(known, _)| *known == name).map(|(_, value)| value)
+    }
+}
+
+impl Outcome {
+    /// Sums up the errors of all shapes.
+    pub fn new(resolution: usize, per_shape: Vec<LeftOut>) -> Self {
+        let values = |way: &Way, merit: &Merit| -> Vec<f64> { per_shape.iter().map(|shape| merit.1(way.1(shape))).collect() };
+        let [ours, others @ ..] = &LeftOut::WAYS;
+        let mean_of = |way: &Way| (way.0, Named::by_merit(|merit| Mean::of(&values(way, merit))));
+        let compared_with = |way: &Way| {
+            let compare = |merit: &Merit| {
+                let gain = if merit.2 { -1.0 } else { 1.0 };
+                let (ours, theirs) = (values(ours, merit), values(way, merit));
+                Paired::of(&ours.iter().zip(theirs).map(|(ours, theirs)| gain * (ours - theirs)).collect::<Vec<_>>())
+            };
+            (way.0, Named::by_merit(compare))
+        };
+        Self {
+            resolution,
+            shapes: per_shape.len(),
+            summary: Named(LeftOut::WAYS.iter().map(mean_of).collect()),
+            paired: Named(others.iter().map(compared_with).collect()),
+            per_shape,
+        }
+    }
+}
