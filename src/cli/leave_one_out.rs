@@ -99,7 +99,7 @@ impl LeaveOneOut<'_> {
     fn at(&self, dims: Dims, splits: &[String]) -> Result<Outcome, Failure> {
         let read = self.mesh.read_options(dims)?;
         // Without its twin, which would give the shape away.
-        let mut shapes = shapes::load(self.dir, splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES + 1 })?;
+        let shapes = shapes::load(self.dir, splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES + 1 })?;
         require_one_size(&shapes)?;
         let chosen = sample_places(&shapes, self.limit, self.seed);
         let files: Vec<String> = chosen.iter().map(|place| shapes.shapes[*place].file.clone()).collect();
@@ -116,7 +116,7 @@ impl LeaveOneOut<'_> {
             }
         };
         let mut drawn: Result<(), SaveError> = Ok(());
-        let per_shape = leave_one_out(&mut shapes, &chosen, self.view, &options, &learning, |example| {
+        let per_shape = leave_one_out(shapes, &chosen, self.view, &options, &learning, |example| {
             let errors = example.errors;
             tracing::info!(file = errors.file, side = dims.x(), iou_unknown = errors.beo.iou_unknown, "completed");
             if let (Some(folder), Ok(())) = (&folder, &drawn) {

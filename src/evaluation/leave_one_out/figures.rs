@@ -53,14 +53,19 @@ pub fn save_errors(folder: &Path, outcomes: &[Outcome], view: OneView) -> Result
     Ok(())
 }
 
-/// The voxel that lies where `voxel` does when the grid is turned so that the side that was not seen comes to the front: upside down, or by
-/// half a circle.
-fn other_side(dims: Dims, view: OneView, voxel: usize) -> usize {
+/// Where the colour of a voxel of the picture comes from: the grid as it stood before it was turned for the viewer, and for a picture from
+/// the other side upside down, or turned by half a circle.
+fn source(turned: Dims, view: OneView, other_side: bool, voxel: usize) -> usize {
+    let dims = view.dims(turned);
+    let [x, y, z] = dims.into();
     let [i, j, k] = dims.coordinates(voxel);
-    match view {
-        OneView::Top => dims.index(i, dims.y() - 1 - j, dims.z() - 1 - k),
-        OneView::Side => dims.index(dims.x() - 1 - i, dims.y() - 1 - j, k),
-    }
+    let at = match (other_side, view) {
+        (false, _) => [i, j, k],
+        (true, OneView::Top) => [i, y - 1 - j, z - 1 - k],
+        (true, OneView::Side) => [x - 1 - i, y - 1 - j, k],
+    };
+    let [i, j, k] = view.place(dims, at);
+    turned.index(i, j, k)
 }
 
 /// Truth, observation, and the completions, in two rows: from the side that was seen, and from the other.
@@ -82,12 +87,10 @@ pub fn draw_example(example: &Example<'_>, view: OneView) -> Image {
     let pictures: Vec<(Image, String)> = (0..2 * scenes.len())
         .into_par_iter()
         .map(|n| {
+            let other_side = n >= scenes.len();
             let (scene, caption) = &scenes[n % scenes.len()];
-            if n < scenes.len() {
-                (draw_voxels(dims, SIDE, SIDE, scene), caption.clone())
-            } else {
-                (draw_voxels(dims, SIDE, SIDE, |voxel| scene(other_side(dims, view, voxel))), "from the other side".into())
-            }
+            let picture = draw_voxels(view.dims(dims), SIDE, SIDE, |voxel| scene(source(dims, view, other_side, voxel)));
+            (picture, if other_side { "from the other side".into() } else { caption.clone() })
         })
         .collect();
     let rows: Vec<Vec<(Image, String)>> = pictures.chunks(scenes.len()).map(<[_]>::to_vec).collect();

@@ -21,10 +21,11 @@ pub use table::table;
 pub use view::OneView;
 
 use super::metrics::{CompletionErrors, completion_errors};
-use crate::grid::{Observation, Occupancy};
+use crate::grid::{Observation, Occupancy, View};
 use crate::learning::{Step, TrainError, TrainOptions, train};
 use crate::perception::{PerceiveError, Perceiver, Percept, Query};
 use crate::shapes::library::{Shape, Shapes};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
@@ -78,7 +79,7 @@ impl CompletionErrors {
     pub const MERITS: [Merit; 3] = [("iou_unknown", |e| e.iou_unknown, false), ("iou_all", |e| e.iou_all, false), ("l2", |e| e.l2, true)];
 }
 
-/// What was seen of a left-out shape and how it was completed, for pictures.
+/// What was seen of a left-out shape and how it was completed, for pictures: turned so that the viewer is above ([`OneView::place`]).
 pub struct Example<'a> {
     /// The errors.
     pub errors: &'a LeftOut,
@@ -114,35 +115,35 @@ pub enum LeaveOneOutError {
 }
 
 /// Leaves out the shapes at the places `chosen`, each in turn, and completes it from one view. `learning` is told of the training's steps,
-/// with the place among `chosen`; `seen` is called after each shape. `shapes` is the same afterwards.
+/// with the place among `chosen`; `seen` is called after each shape.
 ///
-/// The same shapes and options give the same errors, whatever the number of threads.
+/// Models are learned for that view: their calibration is of what it hides. The same shapes and options give the same errors, whatever
+/// the number of threads.
 ///
 /// # Errors
 /// [`LeaveOneOutError`], at the first shape.
 pub fn leave_one_out(
-    shapes: &mut Shapes,
+    mut shapes: Shapes,
     chosen: &[usize],
     view: OneView,
     options: &TrainOptions,
     learning: &(dyn Fn(usize, Step) + Sync),
     mut seen: impl FnMut(Example<'_>),
 ) -> Result<Vec<LeftOut>, LeaveOneOutError> {
+    shapes.shapes.par_iter_mut().filter(|_| view != OneView::Top).for_each(|shape| shape.object = view.turned(&shape.object));
     let mut outcome = Vec::new();
     for (n, &place) in chosen.iter().enumerate() {
         let shape = shapes.shapes.remove(place);
-        let errors = complete_one(shapes, &shape, view, options, &|step| learning(n, step), &mut seen);
+        outcome.push(complete_one(&shapes, &shape, options, &|step| learning(n, step), &mut seen)?);
         shapes.shapes.insert(place, shape);
-        outcome.push(errors?);
     }
     Ok(outcome)
 }
 
-/// Learns from `others`, and completes `shape`.
+/// Learns from `others`, and completes `shape` seen from above.
 fn complete_one(
     others: &Shapes,
     shape: &Shape,
-    view: OneView,
     options: &TrainOptions,
     learning: &(dyn Fn(Step) + Sync),
     seen: &mut impl FnMut(Example<'_>),
@@ -151,7 +152,7 @@ fn complete_one(
     let options = TrainOptions { poses: false, ..options.clone() };
     let model = train(others, &options, learning).map_err(|source| LeaveOneOutError::Train { file: shape.file.clone(), source })?;
     let train_s = start.elapsed().as_secs_f64();
-    let observation = view.of(&shape.object);
+    let observation = View::Top.of(&shape.object);
     let (percept, query_ms) =
         complete(model, &observation, shape.class).map_err(|source| LeaveOneOutError::Perceive { file: shape.file.clone(), source })?;
 
