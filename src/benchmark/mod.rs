@@ -10,11 +10,13 @@
 //! | `latency` | producer, daemon and readers as separate processes, every stage stamped |
 //! | `transport` | grids handed from process to process, by our channels and by others |
 //! | `query` | the compute of queries alone, beside peers that do the same work |
+//! | `large` | queries of large grids, beside a plain read of the basis |
 //! | `scale` | how a query grows with classes, components, resolution, hidden voxels, threads, subscribers |
 //!
 //! What is compared is measured in one run, in turns: other work on the machine slows all of it alike.
 
 pub mod cores;
+pub mod large;
 pub mod latency;
 pub mod limits;
 pub mod machine;

@@ -20,6 +20,9 @@ pub struct Perceive {
     /// Model file
     #[arg(long)]
     model: PathBuf,
+    /// Bound the memory of a model of a large grid, which is read in place, to so many megabytes: what was read before is given back
+    #[arg(long, value_name = "MB")]
+    memory: Option<u64>,
     /// What is seen of a file
     #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
     view: ViewArgument,
@@ -72,7 +75,7 @@ impl Perceive {
             return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top or camera)", self.turn)));
         }
         self.pictures.prepare()?;
-        let perceiver = Perceiver::open(&self.model)?;
+        let perceiver = Perceiver::open_within(&self.model, self.memory.map(|mb| mb.saturating_mul(1_000_000)))?;
         let model = perceiver.model().clone();
         let read = self.mesh.read_options(model.dims())?;
         let names: Vec<&str> = model.class_names().collect();

@@ -26,7 +26,7 @@ pub struct Serve {
     /// Instance: daemon and clients of one name find each other [default: default]
     #[arg(long, value_name = "NAME")]
     instance: Option<InstanceName>,
-    /// TOML file with the same settings: model, instance, method, pose, prior; flags override it
+    /// TOML file with the same settings: model, instance, method, pose, prior, memory; flags override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Method: auto, hull, evidence, paper or mean [default: auto]
@@ -38,6 +38,9 @@ pub struct Serve {
     /// Prior over the classes [default: uniform]
     #[arg(long, value_enum)]
     prior: Option<PriorArgument>,
+    /// Bound the memory of a model of a large grid, which is read in place, to so many megabytes: what was read before is given back
+    #[arg(long, value_name = "MB")]
+    memory: Option<u64>,
     /// Look for observations again and again instead of sleeping until one comes: some tens of microseconds faster, and a core busy
     #[arg(long)]
     poll: bool,
@@ -55,6 +58,7 @@ pub struct Configuration {
     method: Option<Method>,
     pose: Option<PoseArgument>,
     prior: Option<PriorArgument>,
+    memory: Option<u64>,
 }
 
 impl Configuration {
@@ -64,7 +68,7 @@ impl Configuration {
             // The message shows the line that is wrong: what a terminal would obey is left out.
             let text = e.to_string().replace(|c: char| c.is_control(), " ");
             let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-            format!("{line}; known settings: model, instance, method, pose, prior")
+            format!("{line}; known settings: model, instance, method, pose, prior, memory")
         })
     }
 
@@ -111,7 +115,8 @@ impl Serve {
             projection: ProjectionArgument::Lasso.projection(),
             ..Query::default()
         };
-        let recipe = Recipe { query, prior: Arc::new(move |perceiver| prior.log_prior(perceiver)) };
+        let most = self.memory.or(configuration.memory).map(|mb| mb.saturating_mul(1_000_000));
+        let recipe = Recipe { query, most, prior: Arc::new(move |perceiver| prior.log_prior(perceiver)) };
         // Absolute, so that what `beo status` and `beo reload` say and do does not depend on where the daemon was started.
         let model = std::path::absolute(&path)?;
         let mut daemon = Daemon::open(ServeOptions { instance: instance.clone(), model, recipe, poll: self.poll })?;

@@ -134,8 +134,12 @@ impl Observation {
     /// Writes one byte per voxel. `bytes` has one element per voxel.
     pub fn write(&self, bytes: &mut [u8]) {
         assert_eq!(bytes.len(), self.dims.voxels(), "one byte per voxel");
-        for (index, byte) in bytes.iter_mut().enumerate() {
-            *byte = self.code(index);
+        let words = self.known.as_slice().iter().zip(self.filled.as_slice());
+        for (bytes, (known, filled)) in bytes.chunks_mut(usize::BITS as usize).zip(words) {
+            for (bit, byte) in bytes.iter_mut().enumerate() {
+                // 255 where the bit of `known` is not set; `filled` is then not set either.
+                *byte = ((known >> bit & 1) as u8).wrapping_sub(1) | (filled >> bit & 1) as u8;
+            }
         }
     }
 

@@ -177,6 +177,7 @@ impl Turn {
 
     /// One value per voxel, turned; what enters is `outside`.
     pub fn values<V: Copy + Send + Sync>(&self, from: &[V], outside: V, to: &mut [V]) {
+        assert_eq!([from.len(), to.len()], [self.dims.voxels(); 2], "one value per voxel");
         let value = |source: &u32| from.get(*source as usize).copied().unwrap_or(outside);
         if self.dims.voxels() <= ALONE {
             to.iter_mut().zip(&self.sources).for_each(|(to, source)| *to = value(source));
@@ -221,7 +222,8 @@ pub fn for_each_column_source(dims: Dims, angle: f64, mut each: impl FnMut(Optio
 
 /// The nearest whole number, ties to even, as [`f64::round_ties_even`] gives it for |x| < 2⁵¹; that one calls a library where
 /// the CPU is not known to round.
-fn nearest(x: f64) -> f64 {
+#[inline(always)]
+pub(crate) fn nearest(x: f64) -> f64 {
     const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
     (x + ROUND) - ROUND
 }

@@ -1,6 +1,6 @@
 //! Views: what a camera at a given place knows of a complete object.
 
-use super::{EMPTY, FILLED, Observation, Occupancy, UNKNOWN};
+use super::{Observation, Occupancy, for_each_run};
 use serde::{Deserialize, Serialize};
 
 /// From where a complete object is looked at.
@@ -26,14 +26,18 @@ impl View {
         match self {
             View::Top => {
                 let (z, columns) = (observation.dims().z(), observation.dims().columns());
+                let (known, filled) = (observation.known(), observation.filled());
                 let (mut seen, mut fitting) = (0, 0);
                 for column in 0..columns {
-                    let codes = (column * z..(column + 1) * z).rev().map(|index| observation.code(index));
-                    let mut rest = codes.skip_while(|code| *code == EMPTY).peekable();
-                    if rest.peek().is_some() {
-                        seen += 1;
-                        fitting += usize::from(rest.next() == Some(FILLED) && rest.all(|code| code == UNKNOWN));
+                    let (bottom, end) = (column * z, (column + 1) * z);
+                    let (knows, fills) = (known.count_ones(bottom..end), filled.count_ones(bottom..end));
+                    if knows == z && fills == 0 {
+                        continue;
                     }
+                    seen += 1;
+                    // One filled voxel, all above it known, nothing below.
+                    let top = end - knows;
+                    fitting += usize::from(fills == 1 && known.count_ones(top..end) == knows && filled.contains(top));
                 }
                 fitting * 100 >= seen * 95
             }
@@ -53,7 +57,8 @@ fn top(object: &Occupancy) -> Observation {
     let mut observation = Observation::unknown(dims);
     for column in 0..dims.columns() {
         let (bottom, end) = (column * dims.z(), (column + 1) * dims.z());
-        let top = (bottom..end).rev().find(|index| object.bits().contains(*index));
+        let mut top = None;
+        for_each_run(object.bits(), dims, column..column + 1, |_, end| top = Some(end - 1));
         observation.set_empty(top.map_or(bottom, |top| top + 1)..end);
         if let Some(top) = top {
             observation.set(top, true);
@@ -65,7 +70,7 @@ fn top(object: &Occupancy) -> Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Dims;
+    use crate::grid::{Dims, EMPTY, FILLED, UNKNOWN};
 
     #[test]
     fn top_view_knows_what_is_not_below_a_filled_voxel() {

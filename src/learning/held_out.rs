@@ -17,6 +17,9 @@ const STRENGTHS: [f64; 4] = [100.0, 300.0, 900.0, 2700.0];
 const FREEDOMS: [f64; 4] = [60.0, 200.0, 600.0, 2000.0];
 /// Factors on the noise variance, among which held-out objects choose.
 const INFLATIONS: [f64; 3] = [4.0, 16.0, 64.0];
+/// Weights of hull density, evidence and distance in a model of one class, which has nothing to tell apart: poses are weighed by them too.
+/// Those of models of several classes lie about here.
+const OF_ONE_CLASS: [f64; 3] = [0.05, 0.02, 3e-3];
 /// Held-out objects per model whose evidence is computed; the cheap scores use all.
 const EVIDENCE_OBJECTS: usize = 900;
 /// Of these, objects whose hidden voxels calibrate the completion, and voxels of each.
@@ -197,6 +200,12 @@ pub(super) fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibrat
     let alone = fit_blend(std::slice::from_ref(&evidence), &labels, classes, false)?;
     let distance = fit_blend(&[of_sample(&|h| h.distance.clone())], &labels, classes, false)?;
 
+    let (mut hull, mut auto, mut alone, mut distance) = (hull, auto, alone, distance);
+    if classes == 1 {
+        let [of_hull, of_evidence, of_distance] = OF_ONE_CLASS.map(|weight| vec![weight]);
+        (hull.weights, alone.weights, distance.weights) = (of_hull, of_evidence, of_distance);
+        auto.weights = vec![1.0, 0.0];
+    }
     let auto_blend = Blend {
         hull: auto.weights[0] * hull.weights[0],
         evidence: auto.weights[1],

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Bytes of a piece.
-pub const PIECE: usize = 256 << 10;
+pub const PIECE: usize = 64 << 10;
 
 /// A part of a model file is not what was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -24,8 +24,9 @@ pub struct Damaged {
 pub struct FirstTouch {
     checksums: Vec<u32>,
     checked: Vec<AtomicBool>,
-    /// Bytes touched since pages were last given back, and the most.
-    touched: AtomicUsize,
+    /// Pieces that were touched since pages were last given back, how many they are, and how many may be.
+    touched: Vec<AtomicBool>,
+    count: AtomicUsize,
     most: AtomicUsize,
 }
 
@@ -37,34 +38,84 @@ pub fn checksums(bytes: &[u8]) -> Vec<u32> {
 impl FirstTouch {
     /// Nothing has been read.
     pub fn new(checksums: Vec<u32>) -> Self {
-        let checked = checksums.iter().map(|_| AtomicBool::new(false)).collect();
-        Self { checksums, checked, touched: AtomicUsize::new(0), most: AtomicUsize::new(usize::MAX) }
+        let none = || checksums.iter().map(|_| AtomicBool::new(false)).collect();
+        Self { checked: none(), touched: none(), count: AtomicUsize::new(0), most: AtomicUsize::new(usize::MAX), checksums }
     }
 
     /// Bounds the pages that stay in memory.
     pub fn bound(&self, bytes: usize) {
-        self.most.store(bytes, Ordering::Relaxed);
+        self.most.store(bytes / PIECE, Ordering::Relaxed);
     }
 
     /// Checks the pieces that hold the bytes `range` of `tensor`, which lies in `file`, unless they have been.
     pub fn touch(&self, file: &Mmap, tensor: &Range<usize>, range: Range<usize>) -> Result<(), Damaged> {
         let bytes = &file[tensor.clone()];
+        let most = self.most.load(Ordering::Relaxed);
         for piece in range.start / PIECE..range.end.div_ceil(PIECE) {
             // Two threads may both check a piece: the outcome is the same.
-            if self.checked[piece].load(Ordering::Acquire) {
-                continue;
+            if !self.checked[piece].load(Ordering::Acquire) {
+                let within = piece * PIECE..((piece + 1) * PIECE).min(bytes.len());
+                if crc32fast::hash(&bytes[within.clone()]) != self.checksums[piece] {
+                    return Err(Damaged { offset: within.start });
+                }
+                self.checked[piece].store(true, Ordering::Release);
             }
-            let within = piece * PIECE..((piece + 1) * PIECE).min(bytes.len());
-            if crc32fast::hash(&bytes[within.clone()]) != self.checksums[piece] {
-                return Err(Damaged { offset: within.start });
+            if most < usize::MAX / PIECE
+                && !self.touched[piece].swap(true, Ordering::Relaxed)
+                && self.count.fetch_add(1, Ordering::Relaxed) >= most
+            {
+                // What another thread is reading comes back from the file as it goes on.
+                mapping::give_back(file, tensor.clone());
+                self.touched.iter().for_each(|touched| touched.store(false, Ordering::Relaxed));
+                self.count.store(0, Ordering::Relaxed);
             }
-            self.checked[piece].store(true, Ordering::Release);
-        }
-        let most = self.most.load(Ordering::Relaxed);
-        if most < usize::MAX && self.touched.fetch_add(range.len(), Ordering::Relaxed) + range.len() > most {
-            self.touched.store(0, Ordering::Relaxed);
-            mapping::give_back(file, tensor.clone());
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mapped(bytes: &[u8]) -> (tempfile::NamedTempFile, Mmap) {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        let map = mapping::map(&std::fs::File::open(file.path()).unwrap()).unwrap();
+        (file, map)
+    }
+
+    #[test]
+    fn what_is_damaged_is_found_when_it_is_touched_and_not_before() {
+        let mut bytes: Vec<u8> = (0..5 * PIECE + 100).map(|i| (i * 7919 % 251) as u8).collect();
+        // The tensor lies behind other bytes.
+        let tensor = 10..bytes.len();
+        let checksums = checksums(&bytes[tensor.clone()]);
+        assert_eq!(checksums.len(), 6);
+        bytes[10 + 3 * PIECE + 5] ^= 1;
+        let (_file, map) = mapped(&bytes);
+        let first_touch = FirstTouch::new(checksums);
+        for range in [0..0, 0..1, 0..3 * PIECE, 4 * PIECE..5 * PIECE + 90] {
+            assert_eq!(first_touch.touch(&map, &tensor, range), Ok(()));
+        }
+        let damaged = Err(Damaged { offset: 3 * PIECE });
+        assert_eq!(first_touch.touch(&map, &tensor, 3 * PIECE - 1..3 * PIECE + 1), damaged);
+        assert_eq!(first_touch.touch(&map, &tensor, 4 * PIECE - 1..4 * PIECE), damaged);
+    }
+
+    #[test]
+    fn pages_beyond_the_bound_are_given_back_and_come_again() {
+        let bytes: Vec<u8> = (0..64 * PIECE).map(|i| (i / PIECE * 3 + i) as u8).collect();
+        let (_file, map) = mapped(&bytes);
+        let tensor = 0..bytes.len();
+        let first_touch = FirstTouch::new(checksums(&bytes));
+        first_touch.bound(8 * PIECE);
+        for _ in 0..2 {
+            for piece in 0..64 {
+                first_touch.touch(&map, &tensor, piece * PIECE..(piece + 1) * PIECE).unwrap();
+                assert!(first_touch.count.load(Ordering::Relaxed) <= 8);
+                assert_eq!(map[piece * PIECE + 9], bytes[piece * PIECE + 9]);
+            }
+        }
     }
 }

@@ -51,7 +51,7 @@ impl Perceiver {
     }
 
     /// Class posterior and weighted angles.
-    fn find_yaw(&self, span: f64, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
+    fn find_yaw(&self, span: f64, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
         let prior = query.rotation_prior.log_density(query.pose);
         let m = self.model.classes.len();
         work.wanted.iter_mut().enumerate().for_each(|(s, wanted)| *wanted = query.log_prior(s) > f64::NEG_INFINITY);
@@ -109,7 +109,7 @@ impl Perceiver {
 
     /// Looks for the angles by the hull, all classes with one covariance. What enters counts as empty even where nothing is known
     /// of it: filled, as unknown voxels of a hull are, it would be a wall that no object has.
-    fn search_hull(&self, view: usize, circle: &Circle<'_>, looked: &mut Looked, work: &mut Workspace) -> Result<(), LinearError> {
+    fn search_hull(&self, view: usize, circle: &Circle<'_>, looked: &mut Looked, work: &mut Workspace) -> Result<(), PerceiveError> {
         let Workspace { known, columns, projected, centred, wanted, .. } = work;
         columns.read(self.model.dims(), &known.hull);
         circle.search(wanted.len(), looked, |angle, scores| {
@@ -160,9 +160,9 @@ impl Perceiver {
     ///
     /// The background is σ²-noise about zero: a known voxel far from the object, of which turning adds or removes some, then
     /// says nothing.
-    pub(super) fn score_turned(&self, turned: &Observation, wanted: &[bool]) -> Result<(Vec<f64>, Vec<f64>), LinearError> {
+    pub(super) fn score_turned(&self, turned: &Observation, wanted: &[bool]) -> Result<(Vec<f64>, Vec<f64>), PerceiveError> {
         let mut known = Known::new(self.model.dims());
-        known.read(turned);
+        self.reading.take_apart(turned, &mut known)?;
         let background = background(self.noise, turned, &known);
         let score = |(class, wanted): (&ClassSubspace, &bool)| {
             if !wanted {
@@ -172,13 +172,13 @@ impl Perceiver {
             class.condition(&known, self.noise, &mut conditional)?;
             Ok((conditional.log_evidence - background, -conditional.distance2))
         };
-        Ok(self.subspaces.par_iter().zip(wanted).map(score).collect::<Result<Vec<_>, _>>()?.into_iter().unzip())
+        Ok(self.subspaces.par_iter().zip(wanted).map(score).collect::<Result<Vec<_>, LinearError>>()?.into_iter().unzip())
     }
 
     /// The same for one class, whose posterior given the turned observation is left in `conditional`.
-    pub(super) fn condition_turned(&self, turned: &Observation, class: usize, conditional: &mut Conditional) -> Result<f64, LinearError> {
+    pub(super) fn condition_turned(&self, turned: &Observation, class: usize, conditional: &mut Conditional) -> Result<f64, PerceiveError> {
         let mut known = Known::new(self.model.dims());
-        known.read(turned);
+        self.reading.take_apart(turned, &mut known)?;
         self.subspaces[class].condition(&known, self.noise, conditional)?;
         Ok(conditional.log_evidence - background(self.noise, turned, &known))
     }

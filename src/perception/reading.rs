@@ -67,3 +67,85 @@ impl Reading {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{Occupancy, View, yaw};
+    use crate::perception::pose::small::{model, perceiver, unseen};
+    use crate::perception::{Method, Perceiver, Percept, Query};
+    use fixedbitset::FixedBitSet;
+
+    /// The same model, read in place.
+    fn in_place() -> Perceiver {
+        let (model, dims) = (model(), model().dims());
+        let mut support = FixedBitSet::with_capacity(dims.voxels());
+        (0..dims.voxels()).filter(|v| model.basis.row(*v).iter().any(|value| value.to_f32() != 0.0)).for_each(|v| support.insert(v));
+        assert!(support.count_ones(..) < dims.voxels(), "nothing is tested");
+        let footprint = SharedRows::over(dims, model.basis.clone(), support).unwrap().footprint();
+        Perceiver::new(Arc::new(crate::model::Model { footprint: Some(footprint), ..(*model).clone() })).unwrap()
+    }
+
+    #[test]
+    fn tables_and_reading_in_place_give_the_same_answers() {
+        let (tables, place) = (perceiver(), in_place());
+        let (mut one, mut other) = (Percept::default(), Percept::default());
+        let (mut work, mut work_in_place) = (tables.workspace(), place.workspace());
+        for method in [Method::Auto, Method::Hull, Method::Evidence, Method::Mean, Method::Paper] {
+            for (n, class) in ["chair", "table", "chair"].into_iter().enumerate() {
+                let query = Query { method, completion: true, ..Query::default() };
+                let seen = View::Top.of(&unseen(class, 5 + n as u64));
+                tables.classify(&seen, &query, &mut work, &mut one).unwrap();
+                tables.complete(&query, &mut work, &mut one).unwrap();
+                place.classify(&seen, &query, &mut work_in_place, &mut other).unwrap();
+                place.complete(&query, &mut work_in_place, &mut other).unwrap();
+                let close = |a: &[f64], b: &[f64], by: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= by * (1.0 + a.abs()));
+                assert!(close(&one.posterior, &other.posterior, 2e-3), "{method:?}: {:?} {:?}", one.posterior, other.posterior);
+                assert!(close(&one.scores, &other.scores, 2e-3), "{method:?}: {:?} {:?}", one.scores, other.scores);
+                assert!(close(&one.log_evidence, &other.log_evidence, 2e-3), "{method:?}");
+                for (a, b) in [(&one.occupancy, &other.occupancy), (&one.deviation, &other.deviation)] {
+                    let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                    assert!(worst < 5e-3, "{method:?}: {worst}");
+                }
+                // Bytes are the same numbers.
+                let mut bytes = [vec![9_u8; one.occupancy.len()], vec![9_u8; one.occupancy.len()]];
+                let [p, sd] = &mut bytes;
+                place.complete_into(&query, &mut work_in_place, &mut other, p, sd).unwrap();
+                for (bytes, values) in bytes.iter().zip([&other.occupancy, &other.deviation]) {
+                    assert!(bytes.iter().zip(values).all(|(byte, value)| (f32::from(*byte) - value * 255.0).abs() <= 0.5001), "{method:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn evidence_of_a_turned_observation_is_that_of_turning_it_first() {
+        let place = in_place();
+        let Reading::InPlace(rows) = &place.reading else { panic!("read in place") };
+        let object: Occupancy = unseen("chair", 3);
+        let seen = View::Top.of(&object);
+        for angle in [0.0, 0.3, 1.9] {
+            let rotation = yaw(angle);
+            let turned = place.turned_back(&seen, &rotation, &Query::default());
+            let mut known = Known::new(place.model().dims());
+            place.reading.take_apart(&turned, &mut known).unwrap();
+            let mut sums = crate::perception::SharedSums::default();
+            rows.sum_turned(&seen, &rotation, crate::grid::Outside::Empty, &mut sums).unwrap();
+            let last = sums.unknown.len() - 1 - rows.rank();
+            for (a, b) in sums.unknown[..last + rows.rank()].iter().zip(&known.sums.unknown) {
+                assert!((a - b).abs() < 1e-3 * (1.0 + b.abs()), "{angle}: {a} {b}");
+            }
+            for (a, b) in sums.filled[..rows.rank()].iter().zip(&known.sums.filled) {
+                assert!((a - b).abs() < 1e-3 * (1.0 + b.abs()), "{angle}: {a} {b}");
+            }
+            // Relative to the background nothing outside the footprint matters.
+            let class = &place.subspaces[0];
+            let mut conditional = crate::perception::Conditional::new(class.size());
+            let whole = place.condition_turned(&turned, 0, &mut conditional).unwrap();
+            class.gather_shared(&sums, &mut conditional);
+            class.solve(place.noise, &mut conditional).unwrap();
+            let part = conditional.log_evidence - class.background(place.noise, &sums);
+            assert!((whole - part).abs() < 0.02 * (1.0 + whole.abs()), "{angle}: {whole} {part}");
+        }
+    }
+}

@@ -8,7 +8,7 @@ use super::known::Known;
 use super::lanes::{Kernel, LANES, Lanes, dispatch};
 use super::prediction::Scratch;
 use super::row_gram::{AddGram, packed, packed_len, span};
-use crate::grid::{Dims, Observation, Outside, Rotation, for_each_run};
+use crate::grid::{Dims, Observation, Outside, Rotation, for_each_run, nearest};
 use crate::model::{Basis, Damaged, Footprint};
 use fixedbitset::FixedBitSet;
 use nalgebra::Vector3;
@@ -17,6 +17,8 @@ use std::ops::Range;
 
 /// Layers of constant x that one task reads.
 const SLAB: usize = 4;
+/// Voxels between two runs that are not worth leaving out when pages are checked.
+const GAP: usize = 1 << 10;
 /// Rows that are widened at once.
 const BLOCK: usize = 1024;
 
@@ -133,7 +135,7 @@ impl SharedRows {
                 support &= support - 1;
                 let at = self.dims.coordinates(w * WORD + bit);
                 let from = matrix * Vector3::from_fn(|axis, _| at[axis] as f64 - middle[axis]);
-                let source: [f64; 3] = std::array::from_fn(|axis| (from[axis] + middle[axis]).round_ties_even());
+                let source: [f64; 3] = std::array::from_fn(|axis| nearest(from[axis] + middle[axis]));
                 if (0..3).all(|axis| source[axis] >= 0.0 && source[axis] < sides[axis] as f64) {
                     let [i, j, k] = source.map(|v| v as usize);
                     let source = self.dims.index(i, j, k);
@@ -244,13 +246,18 @@ impl SharedRows {
         (0..self.dims.columns().div_ceil(slab)).into_par_iter().map(of_slab).collect()
     }
 
-    /// Makes sure of the rows from the first to the last set bit.
+    /// Makes sure of the rows of the set bits, and of short gaps between them.
     fn touch(&self, bits: &FixedBitSet, columns: Range<usize>) -> Result<(), Damaged> {
-        let mut touched: Option<Range<usize>> = None;
+        let mut stretch = 0..0;
+        let mut outcome = Ok(());
         for_each_run(bits, self.dims, columns, |start, end| {
-            touched = Some(touched.as_ref().map_or(start, |t| t.start)..end);
+            if start > stretch.end + GAP {
+                outcome = outcome.and_then(|()| self.basis.touch(stretch.clone()));
+                stretch.start = start;
+            }
+            stretch.end = end;
         });
-        touched.map_or(Ok(()), |voxels| self.basis.touch(voxels))
+        outcome.and_then(|()| self.basis.touch(stretch))
     }
 
     /// Calls `each` with the rows of the set bits, up to [`BLOCK`] at a time; room for a [`span`] lies after the last row.
@@ -326,13 +333,14 @@ mod tests {
         fn sums_are_those_of_the_voxels(codes in prop::collection::vec(0..4_u8, 10 * 9 * 19), a in 1..22_usize, holes in 1..5_usize) {
             let dims = Dims::new(10, 9, 19).unwrap();
             let codes: Vec<u8> = codes.iter().map(|c| [0, 1, 255, 255][usize::from(*c)]).collect();
+            let codes = &codes[..];
             let mut support = FixedBitSet::with_capacity(dims.voxels());
             (0..dims.voxels()).filter(|v| v / 7 % holes == 0).for_each(|v| support.insert(v));
             let value = |v: usize, h: usize| if support.contains(v) { f16::from_f32(((v * 37 + h * 11) % 101) as f32 / 64.0 - 0.8) } else { f16::ZERO };
             let basis = Basis::new(a, (0..dims.voxels()).flat_map(|v| (0..a).map(move |h| value(v, h))).collect());
             let rows = SharedRows::over(dims, basis, support.clone()).unwrap();
             let mut known = Known::new(dims);
-            known.read(&Observation::from_bytes(dims, &codes).unwrap());
+            known.read(&Observation::from_bytes(dims, codes).unwrap());
             rows.sum(&mut known).unwrap();
             let entry = |v: usize, h: usize| if h == a { 1.0 } else { f64::from(value(v, h).to_f32()) };
             let mut hull = vec![0.0; a];

@@ -18,6 +18,8 @@ pub struct Recipe {
     pub query: Query,
     /// The prior over the classes of a model.
     pub prior: Prior,
+    /// Bytes of memory that a model may take, if that is bounded.
+    pub most: Option<u64>,
 }
 
 impl Recipe {
@@ -26,7 +28,7 @@ impl Recipe {
     /// # Errors
     /// [`ServeError::Model`].
     pub fn prepare(&self, path: &Path) -> Result<Answerer, ServeError> {
-        let perceiver = Perceiver::open(path)?;
+        let perceiver = Perceiver::open_within(path, self.most)?;
         let query = Query { log_prior: (self.prior)(&perceiver), ..self.query.clone() };
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Ok(Answerer::new(perceiver, query, name))

@@ -1,5 +1,6 @@
 //! `beo bench`: measurements of speed.
 
+mod large;
 mod latency;
 mod part;
 mod query;
@@ -28,6 +29,8 @@ enum What {
     LatencyReader,
     /// Time the compute of queries alone, beside peers and the machine's own limits
     Query(query::Query),
+    /// Time queries of a model of a large grid, beside a plain read of all of its basis
+    Large(large::Large),
     /// Measure how the cost of a query grows: with classes, basis size, resolution, hidden voxels, threads, subscribers
     Scale(scale::Scale),
     /// Time handing grids from one process to another, by our channels and by others
@@ -41,6 +44,7 @@ impl Bench {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         match self.what {
+            What::Large(command) => command.run(),
             What::Latency(command) => command.run(),
             What::LatencyProducer => latency::producer(),
             What::LatencyReader => latency::reader(),

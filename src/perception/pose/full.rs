@@ -13,9 +13,8 @@ use super::posterior::Sample;
 use super::refine::{Refined, Refiner};
 use super::view_scores::{CELLS, Screen};
 use crate::grid::{HeightMap, Rotation};
-use crate::linear::LinearError;
 use crate::perception::blend::softmax;
-use crate::perception::perceiver::{Perceiver, Workspace};
+use crate::perception::perceiver::{PerceiveError, Perceiver, Workspace};
 use crate::perception::{Method, Percept, Query};
 use rayon::prelude::*;
 
@@ -97,7 +96,7 @@ impl Peaks {
 
 impl Perceiver {
     /// Class posterior and weighted rotations.
-    pub(in crate::perception) fn find_full(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
+    pub(in crate::perception) fn find_full(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
         let log_density = query.rotation_prior.log_density(query.pose);
         let m = self.model.classes.len();
         let prior = Prior {
@@ -122,7 +121,7 @@ impl Perceiver {
     }
 
     /// By the densities of views from above, and the evidence.
-    fn find_by_views(&self, query: &Query, prior: &Prior<'_>, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
+    fn find_by_views(&self, query: &Query, prior: &Prior<'_>, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
         let m = self.model.classes.len();
         let by_evidence = query.method == Method::Auto;
         let temperature = if by_evidence { TEMPERATURE } else { HULL_TEMPERATURE };
@@ -197,7 +196,7 @@ impl Perceiver {
     }
 
     /// By the evidence, or the distance to the class means.
-    fn find_by_evidence(&self, query: &Query, prior: &Prior<'_>, work: &mut Workspace, percept: &mut Percept) -> Result<(), LinearError> {
+    fn find_by_evidence(&self, query: &Query, prior: &Prior<'_>, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
         let calibration = &self.model.metadata.calibration;
         let by_distance = query.method == Method::Mean;
         let (blend, weight) = if by_distance {
@@ -213,7 +212,7 @@ impl Perceiver {
             .par_iter()
             .map(|(rotation, _)| {
                 let (evidence, distance) = self.score_turned(&self.turned_back(&work.seen, rotation, query), &prior.wanted)?;
-                Ok::<_, LinearError>(if by_distance { distance } else { evidence })
+                Ok::<_, PerceiveError>(if by_distance { distance } else { evidence })
             })
             .collect::<Result<_, _>>()?;
         percept.timings.projected = work.stopwatch.elapsed();
@@ -266,7 +265,7 @@ impl Perceiver {
 }
 
 /// Refines the first `counts[class]` modes of each class.
-fn refine_all(refiner: &Refiner<'_>, peaks: &mut [Option<Peaks>], counts: &[usize], steps: &[f64]) -> Result<(), LinearError> {
+fn refine_all(refiner: &Refiner<'_>, peaks: &mut [Option<Peaks>], counts: &[usize], steps: &[f64]) -> Result<(), PerceiveError> {
     let tasks: Vec<(usize, Rotation)> = (0..peaks.len())
         .filter_map(|class| peaks[class].as_ref().map(|p| (class, p)))
         .flat_map(|(class, p)| p.modes.iter().take(counts[class]).map(move |mode| (class, mode.rotation)))

@@ -8,9 +8,9 @@
 //! Known empty voxels need no sum: what is lost where the object is not hidden is lost on filled and unknown voxels.
 
 use crate::grid::{Dims, Observation, Rotation};
-use crate::linear::LinearError;
 use crate::perception::known::Known;
-use crate::perception::perceiver::Perceiver;
+use crate::perception::perceiver::{PerceiveError, Perceiver};
+
 use crate::perception::subspace::Conditional;
 use crate::perception::{ClassSubspace, Query};
 use nalgebra::{Unit, Vector3};
@@ -49,7 +49,7 @@ pub struct Refined {
 
 impl Refiner<'_> {
     /// Refines `start` for a class by `steps`, in radians, falling.
-    pub fn refine(&self, class: usize, start: &Rotation, steps: &[f64]) -> Result<Refined, LinearError> {
+    pub fn refine(&self, class: usize, start: &Rotation, steps: &[f64]) -> Result<Refined, PerceiveError> {
         let subspace = &self.perceiver.subspaces[class];
         let mut conditional = Conditional::new(subspace.size());
         let mut rotation = *start;
@@ -170,7 +170,7 @@ mod tests {
         let clamped: Vec<f32> = means.iter().map(|m| m.clamp(0.0, 1.0) * 0.8 + 0.1).collect();
         let filled: Vec<f32> = clamped.iter().map(|m| 2.0 * ((m / (1.0 - m)).ln() - (0.1_f32 / 0.9).ln())).collect();
         let hidden: Vec<f32> = clamped.iter().map(|m| 0.9_f32.ln() - (1.0 - m).ln()).collect();
-        let (mut turned_filled, mut turned_hidden) = (Vec::new(), Vec::new());
+        let (mut turned_filled, mut turned_hidden) = (vec![0.0; filled.len()], vec![0.0; hidden.len()]);
         let turn = Turn::new(dims, &rotation);
         turn.values(&filled, 0.0, &mut turned_filled);
         turn.values(&hidden, 0.0, &mut turned_hidden);
