@@ -177,6 +177,22 @@ pub fn placement_figures(errors: &[PlacementErrors]) -> PlacementFigures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::{Dims, View};
+
+    #[test]
+    fn completion_errors_are_those_of_a_hand_computation() {
+        let dims = Dims::cube(8).unwrap();
+        // One column filled at z = 1, 2 and 5, seen from above: z = 0 to 4 are unknown.
+        let truth = Occupancy::from_fn(dims, |i, j, k| (i, j) == (3, 4) && [1, 2, 5].contains(&k));
+        let observation = View::Top.of(&truth);
+        let column = |k: usize| [0.4, 0.6, 0.3, 0.9, 0.0, 1.0, 0.0, 0.0][k];
+        let occupancy = |v: usize| if v / 8 == 3 * 8 + 4 { column(v % 8) } else { 0.0 };
+        let errors = completion_errors(&truth, &observation, occupancy);
+        // Filled are 1 and 2, predicted 1 and 3.
+        assert_eq!((errors.iou_unknown, errors.iou_all), (1.0 / 3.0, 2.0 / 4.0));
+        let squares: f64 = 0.16 + 0.16 + 0.49 + 0.81;
+        assert!((errors.l2 - squares.sqrt()).abs() < 1e-6, "{}", errors.l2);
+    }
 
     #[test]
     fn calibration_is_that_of_a_hand_computation() {

@@ -275,3 +275,39 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
     let Fit { basis, footprint, .. } = fit;
     Ok(Model { id: 0, metadata, basis, classes, view_densities: turned, camera_densities: camera, footprint, levels: Vec::new() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query};
+    use crate::shapes::furniture;
+    use crate::shapes::library::Shape;
+    use std::sync::Arc;
+
+    /// On a grid on which poses are searched, and on one that is too large for that.
+    #[test]
+    fn a_model_without_poses_completes_as_one_with_them_and_refuses_to_search() {
+        for side in [16, 66] {
+            let dims = Dims::cube(side).unwrap();
+            let object = |seed| furniture::make("chair", dims, seed).unwrap();
+            let shapes = (0..6).map(|n| Shape { object: object(n), class: 0, file: n.to_string() }).collect();
+            let shapes = Shapes { classes: vec!["chair".into()], shapes, skipped: Vec::new(), shared: Vec::new() };
+            let mut answers = Vec::new();
+            for poses in [true, false] {
+                let model = train(&shapes, &TrainOptions { poses, ..TrainOptions::default() }, &|_| {}).unwrap();
+                assert_eq!((model.levels.is_empty(), model.view_densities.is_some()), (side == 16 || !poses, side == 16 && poses));
+                let perceiver = Perceiver::new(Arc::new(model)).unwrap();
+                let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+                let seen = View::Top.of(&object(9));
+                let mut query = Query { completion: true, ..Query::default() };
+                perceiver.classify(&seen, &query, &mut work, &mut percept).unwrap();
+                perceiver.complete(&query, &mut work, &mut percept).unwrap();
+                answers.push(percept.occupancy.clone());
+                query.pose = PoseSearch::Yaw { span: 1.0 };
+                let searched = perceiver.classify(&seen, &query, &mut work, &mut percept);
+                assert_eq!(matches!(searched, Err(PerceiveError::KnownPoseOnly)), !poses, "{searched:?}");
+            }
+            assert_eq!(answers[0], answers[1], "{side}");
+        }
+    }
+}

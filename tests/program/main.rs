@@ -8,6 +8,7 @@ mod full_pose;
 mod harness;
 mod hostile;
 mod household;
+mod leave_one_out;
 mod operations;
 mod pictures;
 mod pose;

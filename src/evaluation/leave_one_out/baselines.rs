@@ -76,7 +76,8 @@ mod tests {
 
     fn shapes() -> Vec<Shape> {
         let dims = Dims::new(8, 9, 10).unwrap();
-        let object = |n: usize| Occupancy::from_fn(dims, |i, j, k| (i * 3 + j * (n + 2) + k * 7 + i * k * n) % (4 + n) == 0 && k < 9 - n);
+        let object =
+            |n: usize| Occupancy::from_fn(dims, |i, j, k| (i * 3 + j * (n + 2) + k * 7 + i * k * n).is_multiple_of(4 + n) && k < 9 - n);
         (0..5).map(|n| Shape { object: object(n), class: 0, file: format!("{n}") }).collect()
     }
 

@@ -7,6 +7,9 @@ use crate::picture::{Chart, Colour, Image, SaveError, completed, draw_voxels, se
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
+/// The colour of each voxel.
+type Scene<'a> = &'a (dyn Fn(usize) -> Option<Colour> + Sync);
+
 /// Pixels of one picture of a shape.
 const SIDE: usize = 320;
 
@@ -77,7 +80,7 @@ pub fn draw_example(example: &Example<'_>, view: OneView) -> Image {
     let ours = |voxel: usize| completed(observation, completion[voxel], voxel);
     let nearest = |voxel: usize| completed(observation, baselines.by_shape(baselines.nearest, voxel), voxel);
     let mean = |voxel: usize| completed(observation, baselines.by_mean(voxel), voxel);
-    let scenes: [(&(dyn Fn(usize) -> Option<Colour> + Sync), String); 5] = [
+    let scenes: [(Scene<'_>, String); 5] = [
         (&truly, "truth".into()),
         (&observed, format!("seen {} (grey: hidden)", view.name())),
         (&ours, format!("beo: IoU of the hidden {:.3}", errors.beo.iou_unknown)),

@@ -250,3 +250,86 @@ impl Outcome {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Dims;
+
+    /// Boxes of several widths, depths and heights on one ground, open on no side: what is hidden below or behind a box is filled.
+    fn boxes(dims: Dims) -> Shapes {
+        let size = |n: usize| [3 + n % 4, 4 + n / 4 % 3, 3 + n * 5 % 7];
+        let object = |n: usize| {
+            let [x, y, z] = size(n);
+            Occupancy::from_fn(dims, |i, j, k| (3..3 + x).contains(&i) && (2..2 + y).contains(&j) && (1..1 + z).contains(&k))
+        };
+        let shapes = (0..12).map(|n| Shape { object: object(n), class: 0, file: format!("box/{n}") }).collect();
+        Shapes { classes: vec!["box".into()], shapes, skipped: Vec::new(), shared: Vec::new() }
+    }
+
+    #[test]
+    fn boxes_are_completed_by_others_from_above_and_from_the_side() {
+        let dims = Dims::new(12, 10, 14).unwrap();
+        for view in [OneView::Top, OneView::Side] {
+            let (shapes, chosen) = (boxes(dims), [1, 4, 5, 6, 9]);
+            let objects: Vec<Occupancy> = shapes.shapes.iter().map(|shape| shape.object.clone()).collect();
+            let mut drawn = Vec::new();
+            let outcome = leave_one_out(shapes, &chosen, view, &TrainOptions::default(), &|_, _| {}, |example| {
+                assert_eq!(example.truth, &view.turned(&objects[chosen[drawn.len()]]));
+                // Nothing that was observed is changed.
+                for (voxel, p) in example.completion.iter().enumerate().filter(|(voxel, _)| example.observation.known().contains(*voxel)) {
+                    assert_eq!(*p, f32::from(example.observation.code(voxel)));
+                }
+                drawn.push(example.errors.file.clone());
+            })
+            .unwrap();
+            for (shape, place) in outcome.iter().zip(chosen) {
+                assert_eq!((shape.file.clone(), shape.learned_from), (format!("box/{place}"), 11));
+                assert!(shape.nearest_file != shape.file && shape.nearest_by_oracle_file != shape.file);
+                assert!(shape.nearest_by_oracle.iou_unknown >= shape.nearest.iou_unknown);
+                assert!(shape.unknown_voxels > 0);
+            }
+            assert_eq!(drawn, outcome.iter().map(|shape| shape.file.clone()).collect::<Vec<_>>());
+            let outcome = Outcome::new(14, outcome);
+            let mean = |way: &str| outcome.summary.get(way).unwrap().get("iou_unknown").unwrap().mean;
+            assert!(mean("beo") > 0.9 && mean("beo") > mean("mean"), "{view:?}: {} {}", mean("beo"), mean("mean"));
+        }
+    }
+
+    #[test]
+    fn a_shape_that_cannot_be_learned_without_is_named() {
+        let mut shapes = boxes(Dims::cube(14).unwrap());
+        shapes.shapes.truncate(4);
+        let error = leave_one_out(shapes, &[2], OneView::Top, &TrainOptions::default(), &|_, _| {}, |_| {}).unwrap_err();
+        assert!(error.to_string().starts_with("without box/2: class `box` has 3 shapes, at least 4"), "{error}");
+    }
+
+    #[test]
+    fn less_distance_and_more_overlap_are_better() {
+        let errors = |iou_unknown: f64, l2: f64| CompletionErrors { iou_unknown, iou_all: iou_unknown, l2 };
+        let shape = |n: usize| LeftOut {
+            file: n.to_string(),
+            class: "a".into(),
+            learned_from: 4,
+            unknown_voxels: 9,
+            beo: errors(0.5 + 0.1 * n as f64, 2.0 + n as f64),
+            nearest: errors(0.4, 4.5),
+            nearest_file: String::new(),
+            mean: errors(0.5, 2.0),
+            nearest_by_oracle: errors(0.9, 1.0),
+            nearest_by_oracle_file: String::new(),
+            train_s: 0.0,
+            query_ms: 0.0,
+        };
+        let outcome = Outcome::new(30, (0..4).map(shape).collect());
+        let counts = |way: &str, merit: &str| {
+            let paired = outcome.paired.get(way).unwrap().get(merit).unwrap();
+            [paired.better, paired.worse, paired.equal]
+        };
+        assert_eq!((counts("nearest", "iou_unknown"), counts("nearest", "l2")), ([4, 0, 0], [3, 1, 0]));
+        assert_eq!((counts("mean", "iou_unknown"), counts("mean", "l2")), ([3, 0, 1], [0, 3, 1]));
+        let text = table(&[outcome], OneView::Side);
+        assert!(text.contains("from the side") && text.contains("0.650 ± 0.065"), "{text}");
+        assert!(text.lines().any(|line| line.contains("nearest by oracle") && line.contains("0   4   0")), "{text}");
+    }
+}
