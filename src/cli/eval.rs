@@ -1,10 +1,11 @@
 //! `beo eval`: the paper's protocol.
 
 use super::failure::{Failure, cannot_write};
+use super::leave_one_out::LeaveOneOut;
 use super::progress;
-use super::shapes::{self, CAMERA_DISTANCE, MeshArguments, ViewArgument};
+use super::shapes::{self, CAMERA_DISTANCE, MeshArguments};
 use crate::evaluation::figures::{self, Example};
-use crate::evaluation::{Evaluation, Protocol, Viewpoint, evaluate, evaluate_icp, sample, table};
+use crate::evaluation::{Evaluation, OneView, Protocol, Viewpoint, evaluate, evaluate_icp, sample, table};
 use crate::perception::{Method, PaperPose, Perceiver, PoseSearch, Projection, Query};
 use crate::shapes::library::{LoadOptions, Shape};
 use clap::{Args, ValueEnum};
@@ -17,9 +18,17 @@ pub struct Eval {
     /// Folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder
     dir: PathBuf,
     /// Model file
-    #[arg(long)]
-    model: PathBuf,
-    /// Split to answer; never one that the model was trained on. Not for DIR/*, which has none
+    #[arg(long, required_unless_present = "leave_one_out")]
+    model: Option<PathBuf>,
+    /// Instead of answering by a model file: complete each shape by a model learned from all others, its class and pose known, seen from
+    /// --view top or side, and compare with the nearest of the others and with their mean (section IV-D of the paper)
+    #[arg(long, conflicts_with_all = NOT_FOR_LEAVE_ONE_OUT)]
+    leave_one_out: bool,
+    /// With --leave-one-out, voxels along each side of the grid; several, separated by commas: all shapes at each
+    #[arg(long, value_delimiter = ',', default_values_t = [30], value_name = "N", requires = "leave_one_out")]
+    resolution: Vec<usize>,
+    /// Split to answer; never one that the model was trained on. Not for DIR/*, which has none. With --leave-one-out, the split to take shapes
+    /// from [default: all]
     #[arg(long)]
     split: Option<String>,
     /// What is known of the pose
@@ -47,8 +56,8 @@ pub struct Eval {
     #[arg(long, value_enum, default_value_t = PriorArgument::Uniform)]
     prior: PriorArgument,
     /// View of the objects
-    #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
-    view: ViewArgument,
+    #[arg(long, value_enum, default_value_t = SeenFrom::Top)]
+    view: SeenFrom,
     /// With --view camera, its heights above the horizontal, separated by commas: all queries for each
     #[arg(long, value_delimiter = ',', default_values_t = [30.0], value_name = "DEGREES")]
     elevation: Vec<f64>,
@@ -78,6 +87,35 @@ pub struct Eval {
     png: Option<PathBuf>,
     #[command(flatten)]
     mesh: MeshArguments,
+}
+
+/// Arguments that say nothing when shapes are left out: pose and class are known, and there is one method.
+const NOT_FOR_LEAVE_ONE_OUT: [&str; 14] = [
+    "model",
+    "pose",
+    "yaw_span",
+    "known_class",
+    "icp",
+    "method",
+    "projection",
+    "paper_pose",
+    "prior",
+    "elevation",
+    "azimuths",
+    "distance",
+    "fuse",
+    "find_size",
+];
+
+/// From where objects are seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum SeenFrom {
+    /// Straight from above
+    Top,
+    /// With --leave-one-out: along the x axis, +x hidden
+    Side,
+    /// By a camera
+    Camera,
 }
 
 /// What is known of the pose.
@@ -174,9 +212,9 @@ impl Eval {
     fn viewpoints(&self) -> Result<Vec<Viewpoint>, Failure> {
         let usage = |line: String| Err(Failure::Usage(line));
         match self.view {
-            ViewArgument::None => return usage("--view none: evaluation needs complete shapes; use --view top or --view camera".into()),
-            ViewArgument::Top => return Ok(vec![Viewpoint::Top]),
-            ViewArgument::Camera => (),
+            SeenFrom::Side => return usage("--view side: only with --leave-one-out; use --view top or --view camera".into()),
+            SeenFrom::Top => return Ok(vec![Viewpoint::Top]),
+            SeenFrom::Camera => (),
         }
         if self.elevation.is_empty() || !self.elevation.iter().all(|e| (-90.0..=90.0).contains(e)) {
             return usage("--elevation: use angles from -90 to 90 degrees".into());
@@ -200,8 +238,29 @@ impl Eval {
         Ok(self.elevation.iter().flat_map(|e| self.fuse.iter().map(move |f| viewpoint(e, f))).collect())
     }
 
+    fn leave_one_out(&self) -> Result<(), Failure> {
+        let view = match self.view {
+            SeenFrom::Top => OneView::Top,
+            SeenFrom::Side => OneView::Side,
+            SeenFrom::Camera => return Err(Failure::Usage("--leave-one-out: use --view top or --view side".into())),
+        };
+        LeaveOneOut {
+            dir: &self.dir,
+            splits: self.split.iter().cloned().collect(),
+            resolutions: &self.resolution,
+            view,
+            limit: self.limit,
+            seed: self.seed,
+            json: self.json.as_ref(),
+            png: self.png.as_ref(),
+            mesh: &self.mesh,
+        }
+        .run()
+    }
+
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
+        let Some(model) = self.model.as_ref().filter(|_| !self.leave_one_out) else { return self.leave_one_out() };
         let viewpoints = self.viewpoints()?;
         let pose = self.pose.search(self.yaw_span)?;
         if self.icp && pose == PoseSearch::Known {
@@ -216,7 +275,7 @@ impl Eval {
         if let Some(folder) = &self.png {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
         }
-        let perceiver = Perceiver::open(&self.model)?;
+        let perceiver = Perceiver::open(model)?;
         let model = perceiver.model().clone();
         if let Some(split) = self.split.as_ref().filter(|split| model.metadata.settings.splits.contains(split)) {
             eprintln!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");

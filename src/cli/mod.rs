@@ -12,6 +12,7 @@ mod eval;
 mod failure;
 mod generate;
 mod inspect;
+mod leave_one_out;
 mod logging;
 mod observe;
 mod perceive;

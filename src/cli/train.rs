@@ -58,7 +58,7 @@ pub struct Train {
 
 /// What a training will need at least, known from the number of files before any is read.
 #[derive(Clone, Copy, Debug)]
-struct Need {
+pub(super) struct Need {
     /// Bytes of the basis W': every class adds its least number of components, if it has the shapes, and its mean.
     basis: u64,
     /// Bytes of memory at a time.
@@ -67,7 +67,7 @@ struct Need {
 
 impl Need {
     /// For so many shapes of each class.
-    fn new(shapes: &[usize], dims: Dims, least: usize) -> Self {
+    pub fn new(shapes: &[usize], dims: Dims, least: usize) -> Self {
         let rank: usize = shapes.iter().map(|count| count.saturating_sub(1).min(least)).sum();
         let (basis, packed) = (rank * dims.voxels() * size_of::<f16>(), shapes.iter().sum::<usize>() * dims.voxels() / 8);
         // Read in place, the basis is all there is beside the shapes. Tables for a grid on which poses are searched take the prefix sums, and
@@ -76,9 +76,19 @@ impl Need {
         Self { basis: basis as u64, memory: memory as u64 }
     }
 
+    /// The same with so much more memory.
+    pub fn with(self, more: usize) -> Self {
+        Self { memory: self.memory.saturating_add(more as u64), ..self }
+    }
+
     /// Fails if there is too little memory, or too little room for the model.
     fn check(&self, out: &Path, dims: Dims) -> Result<(), Failure> {
         check_place(out, self.basis)?;
+        self.check_memory(dims)
+    }
+
+    /// Fails if there is too little memory.
+    pub fn check_memory(&self, dims: Dims) -> Result<(), Failure> {
         let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
         match memory::available() {
             Some(Available { bytes, limit }) if bytes < self.memory => Err(Failure::Failed(format!(
@@ -196,6 +206,7 @@ impl Train {
             basis_range: [self.least, self.most],
             seed: self.seed,
             folds: self.folds,
+            poses: true,
             splits,
             longest_side: read.longest(),
             licence: self.licence,

@@ -1,5 +1,6 @@
 //! Figures of merit. Accuracies are fractions.
 
+use crate::grid::{Observation, Occupancy};
 use serde::Serialize;
 
 /// How far posteriors can be believed.
@@ -97,6 +98,32 @@ pub fn iou(both: usize, either: usize) -> f64 {
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
+/// How well one completion agrees with the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct CompletionErrors {
+    /// Intersection over union over the unknown voxels.
+    pub iou_unknown: f64,
+    /// The same over all voxels, observed ones as observed.
+    pub iou_all: f64,
+    /// Euclidean distance to the truth over all voxels.
+    pub l2: f64,
+}
+
+/// Compares a completion with the truth: `occupancy` is the probability that a voxel is filled, and one half counts as filled.
+pub fn completion_errors(truth: &Occupancy, observation: &Observation, occupancy: impl Fn(usize) -> f32) -> CompletionErrors {
+    let (mut l2, mut both, mut either) = (0.0, 0, 0);
+    for voxel in 0..truth.dims().voxels() {
+        let (p, filled) = (occupancy(voxel), truth.bits().contains(voxel));
+        l2 += (f64::from(p) - f64::from(u8::from(filled))).powi(2);
+        if !observation.known().contains(voxel) {
+            both += usize::from(filled && p >= 0.5);
+            either += usize::from(filled || p >= 0.5);
+        }
+    }
+    let observed = observation.filled().count_ones(..);
+    CompletionErrors { iou_unknown: iou(both, either), iou_all: iou(both + observed, either + observed), l2: l2.sqrt() }
+}
+
 /// Errors of size and place of one query. Lengths are shares of the object's longest side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlacementErrors {
@@ -150,6 +177,22 @@ pub fn placement_figures(errors: &[PlacementErrors]) -> PlacementFigures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::{Dims, View};
+
+    #[test]
+    fn completion_errors_are_those_of_a_hand_computation() {
+        let dims = Dims::cube(8).unwrap();
+        // One column filled at z = 1, 2 and 5, seen from above: z = 0 to 4 are unknown.
+        let truth = Occupancy::from_fn(dims, |i, j, k| (i, j) == (3, 4) && [1, 2, 5].contains(&k));
+        let observation = View::Top.of(&truth);
+        let column = |k: usize| [0.4, 0.6, 0.3, 0.9, 0.0, 1.0, 0.0, 0.0][k];
+        let occupancy = |v: usize| if v / 8 == 3 * 8 + 4 { column(v % 8) } else { 0.0 };
+        let errors = completion_errors(&truth, &observation, occupancy);
+        // Filled are 1 and 2, predicted 1 and 3.
+        assert_eq!((errors.iou_unknown, errors.iou_all), (1.0 / 3.0, 2.0 / 4.0));
+        let squares: f64 = 0.16 + 0.16 + 0.49 + 0.81;
+        assert!((errors.l2 - squares.sqrt()).abs() < 1e-6, "{}", errors.l2);
+    }
 
     #[test]
     fn calibration_is_that_of_a_hand_computation() {

@@ -1,6 +1,6 @@
 //! The paper's protocol, section IV: one query per object, seen from one view, in known or unknown pose.
 
-use super::metrics::{self, CalibrationFigures, iou};
+use super::metrics::{self, CalibrationFigures, completion_errors};
 pub use super::metrics::{Milliseconds, PlacementErrors, PlacementFigures, PoseErrors, PoseFigures};
 use super::viewpoint::{Posed, Viewpoint};
 use crate::grid::{Observation, Occupancy, Placed, Rotation, Turn, uniform_rotation, yaw};
@@ -127,8 +127,13 @@ pub struct QueryFigures {
 
 /// A seeded sample of `limit` shapes with classes in proportion, in path order.
 pub fn sample(shapes: &Shapes, limit: Option<usize>, seed: u64) -> Vec<&Shape> {
-    let all: Vec<&Shape> = shapes.shapes.iter().collect();
-    let Some(limit) = limit.filter(|limit| *limit < all.len()) else { return all };
+    sample_places(shapes, limit, seed).into_iter().map(|place| &shapes.shapes[place]).collect()
+}
+
+/// The places of that sample among the shapes.
+pub fn sample_places(shapes: &Shapes, limit: Option<usize>, seed: u64) -> Vec<usize> {
+    let all = &shapes.shapes;
+    let Some(limit) = limit.filter(|limit| *limit < all.len()) else { return (0..all.len()).collect() };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Every shape gets the rank of its place within its shuffled class, as a share: the lowest shares are the sample.
     let mut ranked: Vec<(f64, usize)> = Vec::new();
@@ -141,7 +146,7 @@ pub fn sample(shapes: &Shapes, limit: Option<usize>, seed: u64) -> Vec<&Shape> {
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut chosen: Vec<usize> = ranked[..limit].iter().map(|(_, i)| *i).collect();
     chosen.sort_unstable();
-    chosen.into_iter().map(|i| all[i]).collect()
+    chosen
 }
 
 /// Answers all `shapes` with one method. `classes` maps a shape's class to the model's. `seen` is called after each query with
@@ -259,23 +264,13 @@ pub fn completion_figures(
     percept: &Percept,
     mean: impl Fn(usize) -> f32,
 ) -> CompletionFigures {
-    let (mut l2, mut unknown, mut baseline) = (0.0, (0, 0), (0, 0));
-    for (voxel, &p) in percept.occupancy.iter().enumerate() {
-        let filled = truth.bits().contains(voxel);
-        l2 += (f64::from(p) - f64::from(u8::from(filled))).powi(2);
-        if !observation.known().contains(voxel) {
-            for (counts, predicted) in [(&mut unknown, p >= 0.5), (&mut baseline, mean(voxel) >= 0.5)] {
-                counts.0 += usize::from(filled && predicted);
-                counts.1 += usize::from(filled || predicted);
-            }
-        }
-    }
-    let observed = observation.filled().count_ones(..);
+    let answer = completion_errors(truth, observation, |voxel| percept.occupancy[voxel]);
+    let baseline = completion_errors(truth, observation, mean);
     CompletionFigures {
-        iou_unknown: iou(unknown.0, unknown.1),
-        iou_all: iou(unknown.0 + observed, unknown.1 + observed),
-        iou_unknown_mean_baseline: iou(baseline.0, baseline.1),
-        iou_all_mean_baseline: iou(baseline.0 + observed, baseline.1 + observed),
-        l2: l2.sqrt(),
+        iou_unknown: answer.iou_unknown,
+        iou_all: answer.iou_all,
+        iou_unknown_mean_baseline: baseline.iou_unknown,
+        iou_all_mean_baseline: baseline.iou_all,
+        l2: answer.l2,
     }
 }

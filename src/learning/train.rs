@@ -32,6 +32,9 @@ pub struct TrainOptions {
     pub seed: u64,
     /// Number of folds, at least two.
     pub folds: usize,
+    /// Whether to learn what poses are searched with: smaller grids, and views from all sides. A model without them answers queries in
+    /// known pose, the same as with them, and is not to be saved.
+    pub poses: bool,
     /// Splits that the shapes come from, for the record.
     pub splits: Vec<String>,
     /// Longest side of a mesh in voxels, for the record.
@@ -50,6 +53,7 @@ impl Default for TrainOptions {
             basis_range: [30, 70],
             seed: 0,
             folds: 3,
+            poses: true,
             splits: vec!["train".into()],
             longest_side: 24,
             licence: String::new(),
@@ -119,7 +123,7 @@ pub struct Step {
 /// [`TrainError`].
 pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) + Sync)) -> Result<Model, TrainError> {
     let (dims, classes) = by_class(shapes)?;
-    let smaller = levels_of(dims);
+    let smaller = if options.poses { levels_of(dims) } else { Vec::new() };
     let mut levels = Vec::new();
     for to in &smaller {
         let shrinking = Shrinking::new(dims, *to);
@@ -133,7 +137,7 @@ pub fn train(shapes: &Shapes, options: &TrainOptions, progress: &(dyn Fn(Step) +
         levels.push(learn(&data, &shapes.classes, &TrainOptions { longest_side, ..options.clone() }, progress)?);
     }
     // Cameras are searched where poses are.
-    let elevations = if smaller.is_empty() { options.camera_elevations_deg.clone() } else { Vec::new() };
+    let elevations = if smaller.is_empty() && options.poses { options.camera_elevations_deg.clone() } else { Vec::new() };
     let model = learn(
         &Data::new(dims, classes),
         &shapes.classes,
@@ -203,7 +207,7 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         })
         .collect();
     let mut turned = None;
-    if fit.footprint.is_none() {
+    if fit.footprint.is_none() && options.poses {
         step("learning views from all sides", folds.len() + 2);
         turned = Some(view_densities(&data.classes, options.seed)?);
     }
@@ -270,4 +274,40 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
     };
     let Fit { basis, footprint, .. } = fit;
     Ok(Model { id: 0, metadata, basis, classes, view_densities: turned, camera_densities: camera, footprint, levels: Vec::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query};
+    use crate::shapes::furniture;
+    use crate::shapes::library::Shape;
+    use std::sync::Arc;
+
+    /// On a grid on which poses are searched, and on one that is too large for that.
+    #[test]
+    fn a_model_without_poses_completes_as_one_with_them_and_refuses_to_search() {
+        for side in [16, 66] {
+            let dims = Dims::cube(side).unwrap();
+            let object = |seed| furniture::make("chair", dims, seed).unwrap();
+            let shapes = (0..6).map(|n| Shape { object: object(n), class: 0, file: n.to_string() }).collect();
+            let shapes = Shapes { classes: vec!["chair".into()], shapes, skipped: Vec::new(), shared: Vec::new() };
+            let mut answers = Vec::new();
+            for poses in [true, false] {
+                let model = train(&shapes, &TrainOptions { poses, ..TrainOptions::default() }, &|_| {}).unwrap();
+                assert_eq!((model.levels.is_empty(), model.view_densities.is_some()), (side == 16 || !poses, side == 16 && poses));
+                let perceiver = Perceiver::new(Arc::new(model)).unwrap();
+                let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+                let seen = View::Top.of(&object(9));
+                let mut query = Query { completion: true, ..Query::default() };
+                perceiver.classify(&seen, &query, &mut work, &mut percept).unwrap();
+                perceiver.complete(&query, &mut work, &mut percept).unwrap();
+                answers.push(percept.occupancy.clone());
+                query.pose = PoseSearch::Yaw { span: 1.0 };
+                let searched = perceiver.classify(&seen, &query, &mut work, &mut percept);
+                assert_eq!(matches!(searched, Err(PerceiveError::KnownPoseOnly)), !poses, "{searched:?}");
+            }
+            assert_eq!(answers[0], answers[1], "{side}");
+        }
+    }
 }

@@ -64,6 +64,9 @@ pub enum PerceiveError {
         /// Size that the model answers.
         expected: Dims,
     },
+    /// Pose, size or place are asked for, and the model was learned without what they are searched with.
+    #[error("the model was learned for known poses alone: ask with pose, size and place known, or train with poses")]
+    KnownPoseOnly,
     /// A matrix of the model cannot be factorised.
     #[error("the model cannot be used: {0}")]
     Model(#[from] LinearError),
@@ -302,6 +305,9 @@ impl Perceiver {
         let dims = self.model.dims();
         if observation.dims() != dims {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
+        }
+        if self.views.is_none() && self.levels.is_empty() && (query.pose != PoseSearch::Known || self.is_viewed(query)) {
+            return Err(PerceiveError::KnownPoseOnly);
         }
         work.read(observation);
         if self.searches_levels(query) {

@@ -13,5 +13,7 @@ pub use depth::draw_depth;
 pub use palette::viridis;
 pub use perceived::Perceived;
 pub use plot::{Chart, WeightedSeries};
-pub use scenes::{draw_completion, draw_deviation, draw_observation, draw_poses, draw_probability, draw_shape, draw_weights};
+pub use scenes::{
+    completed, draw_completion, draw_deviation, draw_observation, draw_poses, draw_probability, draw_shape, draw_weights, seen,
+};
 pub use voxels::draw_voxels;

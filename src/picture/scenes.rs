@@ -21,7 +21,8 @@ pub fn draw_observation(observation: &Observation, side: usize) -> Image {
     draw_voxels(observation.dims(), side, side, |v| seen(observation, v))
 }
 
-pub(super) fn seen(observation: &Observation, voxel: usize) -> Option<Colour> {
+/// How [`draw_observation`] draws a voxel.
+pub fn seen(observation: &Observation, voxel: usize) -> Option<Colour> {
     match (observation.known().contains(voxel), observation.filled().contains(voxel)) {
         (_, true) => Some(Colour::KNOWN),
         (false, false) => Some(Colour::UNKNOWN),
@@ -64,12 +65,15 @@ pub(super) fn fronts(dims: Dims, poses: impl IntoIterator<Item = (Rotation, f64)
 /// `probability` has one value per voxel.
 pub fn draw_completion(observation: &Observation, probability: &[f32], side: usize) -> Image {
     assert_eq!(probability.len(), observation.dims().voxels(), "one probability per voxel");
-    draw_voxels(observation.dims(), side, side, |v| {
-        if observation.filled().contains(v) {
-            return Some(Colour::KNOWN);
-        }
-        prediction(probability[v]).filter(|_| !observation.known().contains(v))
-    })
+    draw_voxels(observation.dims(), side, side, |v| completed(observation, probability[v], v))
+}
+
+/// How [`draw_completion`] draws a voxel of this probability.
+pub fn completed(observation: &Observation, probability: f32, voxel: usize) -> Option<Colour> {
+    if observation.filled().contains(voxel) {
+        return Some(Colour::KNOWN);
+    }
+    prediction(probability).filter(|_| !observation.known().contains(voxel))
 }
 
 /// Where a completion is unsure: voxels that count as filled by the standard deviation of their probability, from dark blue (0) to yellow

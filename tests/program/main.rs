@@ -10,6 +10,7 @@ mod harness;
 mod hostile;
 mod household;
 mod large;
+mod leave_one_out;
 mod operations;
 mod pictures;
 mod pose;
