@@ -103,7 +103,7 @@ impl LeaveOneOut<'_> {
         require_one_size(&shapes)?;
         let chosen = sample_places(&shapes, self.limit, self.seed);
         let files: Vec<String> = chosen.iter().map(|place| shapes.shapes[*place].file.clone()).collect();
-        let options = TrainOptions { seed: self.seed, splits: splits.to_vec(), longest_side: read.longest, ..TrainOptions::default() };
+        let options = TrainOptions { seed: self.seed, splits: splits.to_vec(), longest_side: read.longest(), ..TrainOptions::default() };
         let folder = self.png.map(|folder| folder.join(dims.x().to_string()));
         if let Some(folder) = &folder {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
