@@ -24,8 +24,8 @@ pub struct Eval {
     /// --view top or side, and compare with the nearest of the others and with their mean (section IV-D of the paper)
     #[arg(long, conflicts_with_all = NOT_FOR_LEAVE_ONE_OUT)]
     leave_one_out: bool,
-    /// With --leave-one-out, voxels along each side of the grid; several, separated by commas: all shapes at each
-    #[arg(long, value_delimiter = ',', default_values_t = [30], value_name = "N", requires = "leave_one_out")]
+    /// With --leave-one-out, voxels along each side of the grid [default: 30]; several, separated by commas: all shapes at each
+    #[arg(long, value_delimiter = ',', value_name = "N")]
     resolution: Vec<usize>,
     /// Split to answer; never one that the model was trained on. Not for DIR/*, which has none. With --leave-one-out, the split to take shapes
     /// from [default: all]
@@ -247,7 +247,7 @@ impl Eval {
         LeaveOneOut {
             dir: &self.dir,
             splits: self.split.iter().cloned().collect(),
-            resolutions: &self.resolution,
+            resolutions: if self.resolution.is_empty() { &[30] } else { &self.resolution },
             view,
             limit: self.limit,
             seed: self.seed,
@@ -261,6 +261,9 @@ impl Eval {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         let Some(model) = self.model.as_ref().filter(|_| !self.leave_one_out) else { return self.leave_one_out() };
+        if !self.resolution.is_empty() {
+            return Err(Failure::Usage("--resolution: a model has its own; only with --leave-one-out".into()));
+        }
         let viewpoints = self.viewpoints()?;
         let pose = self.pose.search(self.yaw_span)?;
         if self.icp && pose == PoseSearch::Known {

@@ -88,9 +88,6 @@ impl LeaveOneOut<'_> {
         }
         let grids = resolutions.iter().map(|n| Dims::cube(*n).map_err(|error| usage(format!("--resolution {n}: {error}"))));
         let grids = grids.collect::<Result<Vec<_>, _>>()?;
-        if grids.is_empty() {
-            return Err(usage("--resolution: name at least one".into()));
-        }
         grids.iter().try_for_each(|dims| self.mesh.read_options(*dims).map(drop))?;
         Ok(grids)
     }

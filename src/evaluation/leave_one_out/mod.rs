@@ -256,12 +256,13 @@ mod tests {
     use super::*;
     use crate::grid::Dims;
 
-    /// Boxes of several widths, depths and heights on one ground, open on no side: what is hidden below or behind a box is filled.
+    /// Boxes of several widths, depths and heights, all on one ground and against one wall: what they hide is filled down to the one and back
+    /// to the other.
     fn boxes(dims: Dims) -> Shapes {
         let size = |n: usize| [3 + n % 4, 4 + n / 4 % 3, 3 + n * 5 % 7];
         let object = |n: usize| {
             let [x, y, z] = size(n);
-            Occupancy::from_fn(dims, |i, j, k| (3..3 + x).contains(&i) && (2..2 + y).contains(&j) && (1..1 + z).contains(&k))
+            Occupancy::from_fn(dims, |i, j, k| (9 - x..9).contains(&i) && (2..2 + y).contains(&j) && (1..1 + z).contains(&k))
         };
         let shapes = (0..12).map(|n| Shape { object: object(n), class: 0, file: format!("box/{n}") }).collect();
         Shapes { classes: vec!["box".into()], shapes, skipped: Vec::new(), shared: Vec::new() }
