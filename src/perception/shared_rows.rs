@@ -201,7 +201,7 @@ impl SharedRows {
     /// The components of the voxels of a column from `z` on, a multiple of [`LANES`], into the scratch memory; `false`: all are zero, and
     /// nothing was loaded.
     #[inline(always)]
-    pub fn load(&self, column: usize, z: usize, scratch: &mut Scratch) -> bool {
+    pub(super) fn load(&self, column: usize, z: usize, scratch: &mut Scratch) -> bool {
         let first = column * self.dims.z() + z;
         let end = (first + LANES).min((column + 1) * self.dims.z());
         if !any(&self.support, first..end) {
