@@ -98,6 +98,9 @@ pub(super) fn header(bytes: &[u8; HEADER]) -> ObservationHeader {
         continues: u32::from_le_bytes(take(left)),
         rotation_prior_concentration: f32::from_le_bytes(take(left)),
         rotation_prior: [(); 4].map(|()| f32::from_le_bytes(take(left))),
+        sensor_position_m: [(); 3].map(|()| f32::from_le_bytes(take(left))),
+        scale_search: u32::from_le_bytes(take(left)),
+        known_side_m: f32::from_le_bytes(take(left)),
         reserved: take(left),
     };
     assert!(left.is_empty(), "every field was read");
@@ -128,7 +131,9 @@ fn bytes_of(header: &ObservationHeader) -> Vec<u8> {
     put(&header.continued_object_id.to_le_bytes());
     put(&header.continues.to_le_bytes());
     put(&header.rotation_prior_concentration.to_le_bytes());
-    header.rotation_prior.iter().for_each(|value| put(&value.to_le_bytes()));
+    header.rotation_prior.iter().chain(&header.sensor_position_m).for_each(|value| put(&value.to_le_bytes()));
+    put(&header.scale_search.to_le_bytes());
+    put(&header.known_side_m.to_le_bytes());
     put(&header.reserved);
     bytes
 }

@@ -45,7 +45,7 @@ fn learned() -> Model {
     let options = TrainOptions { basis_range: [2, 3], folds: 2, ..TrainOptions::default() };
     let mut model = train(&shapes, &options, &|_| ()).expect("shapes that can be learned");
     // The view densities are most of the file: their first features are a smaller model of the same kind.
-    let views = &mut model.view_densities;
+    let views = model.view_densities.as_mut().expect("learned for a grid that is searched");
     let (size, few) = (views.size, views.size.min(2));
     views.basis = first(&views.basis, size, few);
     views.means = first(&views.means, size, few);
