@@ -202,8 +202,8 @@ impl Perceiver {
     /// Bytes that one [`Workspace`] and its answers take at most: observations, the voxels of them, and completions.
     pub fn workspace_bytes(outline: &Outline) -> usize {
         let voxels = outline.metadata.dims.voxels();
-        // Of a voxel: bits of five observations; as many filled voxels and runs as a surface has; a completion that is being turned.
-        voxels * 2 + outline.levels.iter().map(Self::workspace_bytes).sum::<usize>()
+        // Of a voxel: where it comes from in a turned grid (4 bytes), a completion that is being turned (2), and bits of observations.
+        voxels * 7 + outline.levels.iter().map(Self::workspace_bytes).sum::<usize>()
     }
 
     /// Loads a model file and prepares it for queries, after asking whether there is memory for both: without it, the system would

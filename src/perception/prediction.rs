@@ -9,6 +9,7 @@ use super::lanes::{LANES, Lanes, multiply_add, widen};
 use super::large_pages::collapse;
 use super::rows::Rows;
 use crate::grid::Dims;
+use crate::model::MOST_COMPONENTS;
 
 /// Rows of S that are multiplied together: enough sums at once to hide the latency of an addition.
 const GROUP: usize = 4;
@@ -37,12 +38,18 @@ pub struct Posterior {
 }
 
 /// Memory for one block at a time.
-#[derive(Default)]
 pub struct Scratch {
-    /// Components of the block's voxels, as [`Posterior::predict`] takes them.
-    pub block: Vec<Lanes>,
-    /// Rows as they lie in memory, where they have to be rearranged.
+    /// Components of the block's voxels, as [`Posterior::predict`] takes them: of a class's own basis, without an allocation …
+    own: [Lanes; MOST_COMPONENTS],
+    /// … and of W', which may have more, with the rows as they lie in memory.
+    pub shared: Vec<Lanes>,
     pub rows: Vec<f32>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self { own: [[0.0; LANES]; MOST_COMPONENTS], shared: Vec::new(), rows: Vec::new() }
+    }
 }
 
 /// Of a block of voxels.
@@ -115,20 +122,20 @@ impl Columns {
         dims.columns() * (size + 1) * dims.z().next_multiple_of(LANES)
     }
 
-    /// The components of the voxels of a column from `z` on, a multiple of [`LANES`], into the scratch memory; gives their class means.
+    /// The components of the voxels of a column from `z` on, a multiple of [`LANES`], and their class means.
     #[inline(always)]
-    pub fn load(&self, column: usize, z: usize, scratch: &mut Scratch) -> Lanes {
+    pub fn load<'s>(&self, column: usize, z: usize, scratch: &'s mut Scratch) -> (&'s [Lanes], Lanes) {
         let first = (column * self.blocks + z / LANES) * (self.size + 1);
         let values = &self.values[first..=first + self.size];
-        scratch.block.resize(self.size, [0.0; LANES]);
-        for (row, values) in scratch.block.iter_mut().zip(values) {
+        let block = &mut scratch.own[..self.size];
+        for (row, values) in block.iter_mut().zip(values) {
             *row = widen(values);
         }
         let mut class_mean = widen(&values[self.size]);
         for value in &mut class_mean {
             *value *= self.mean_unit;
         }
-        class_mean
+        (block, class_mean)
     }
 }
 
@@ -184,8 +191,8 @@ mod tests {
             for column in [0, 37, 63] {
                 for at in (0..z).step_by(LANES) {
                     let mut scratch = Scratch::default();
-                    let class_mean = columns.load(column, at, &mut scratch);
-                    let found = posterior.predict::<false>(&scratch.block, class_mean);
+                    let (block, class_mean) = columns.load(column, at, &mut scratch);
+                    let found = posterior.predict::<false>(block, class_mean);
                     for l in 0..LANES.min(z - at) {
                         let row: Vec<f32> = (0..=size).map(|h| rows.value(column * z + at + l, h)).collect();
                         let mean = row[size] + (0..size).map(|h| row[h] * value(h + 99)).sum::<f32>();

@@ -90,15 +90,6 @@ impl SharedRows {
         &self.gram
     }
 
-    /// Rows that [`Self::sum`] reads, and their bytes.
-    pub fn read_of(&self, known: &Known) -> (usize, usize) {
-        let mut rows = 0;
-        let within = |v: &usize| self.support.contains(*v);
-        known.unknown.iter().for_each(|(start, end)| rows += (*start..*end).filter(within).count());
-        rows += known.filled.iter().copied().filter(|v| within(v)).count();
-        (rows, rows * self.rank() * size_of::<half::f16>())
-    }
-
     /// Sums over what was observed, into `known`.
     ///
     /// # Errors
@@ -157,9 +148,9 @@ impl SharedRows {
         self.sum_bits(counts[0], counts[1], sums)
     }
 
-    /// Voxels of the footprint.
-    pub fn reach(&self) -> usize {
-        self.support.count_ones(..)
+    /// Whether a row may differ from zero.
+    pub fn reaches(&self, voxel: usize) -> bool {
+        self.support.contains(voxel)
     }
 
     /// Sums over the bits of `sums`, which lie in the footprint; the ones are counted.
@@ -208,7 +199,7 @@ impl SharedRows {
             return false;
         }
         let a = self.rank();
-        let Scratch { block, rows } = scratch;
+        let Scratch { shared: block, rows, .. } = scratch;
         rows.resize(LANES * a, 0.0);
         self.basis.widen(first..end, &mut rows[..(end - first) * a]);
         rows[(end - first) * a..].fill(0.0);
@@ -369,7 +360,7 @@ mod tests {
                     for l in 0..LANES.min(19 - z) {
                         for h in 0..a {
                             let expected = value(column * 19 + z + l, h).to_f32();
-                            prop_assert_eq!(if loaded { scratch.block[h][l] } else { 0.0 }, expected);
+                            prop_assert_eq!(if loaded { scratch.shared[h][l] } else { 0.0 }, expected);
                         }
                     }
                 }

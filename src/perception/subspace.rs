@@ -81,7 +81,7 @@ impl Conditional {
             distance2: 0.0,
             coefficients: vec![0.0; size],
             posterior: Posterior::new(size),
-            gathered: Vec::new(),
+            gathered: vec![0.0; BLOCK * stride],
             unknown: vec![0.0; packed_len(size + 2)],
             filled: vec![0.0; stride],
             factor: vec![0.0; size * size],
@@ -185,6 +185,7 @@ impl ClassSubspace {
     pub fn mean(&self, voxel: usize) -> f32 {
         match &self.rows {
             ClassRows::Derived { rows, .. } => rows.value(voxel, self.size),
+            ClassRows::Shared { rows, .. } if !rows.reaches(voxel) => 0.0,
             ClassRows::Shared { rows, transform } => {
                 let mut row = vec![0.0; rows.rank()];
                 rows.row(voxel, &mut row);
@@ -198,20 +199,20 @@ impl ClassSubspace {
     pub(super) fn predict<const FUSED: bool>(&self, posterior: &Posterior, column: usize, z: usize, scratch: &mut Scratch) -> Predicted {
         match &self.rows {
             ClassRows::Derived { columns, .. } => {
-                let class_mean = columns.load(column, z, scratch);
-                posterior.predict::<FUSED>(&scratch.block, class_mean)
+                let (block, class_mean) = columns.load(column, z, scratch);
+                posterior.predict::<FUSED>(block, class_mean)
             }
             ClassRows::Shared { rows, transform } => {
                 let mut class_mean: Lanes = [0.0; LANES];
                 if !rows.load(column, z, scratch) {
                     return Predicted { mean: class_mean, variance: class_mean, class_mean };
                 }
-                for (values, weight) in scratch.block.iter().zip(transform.col_as_slice(self.size)) {
+                for (values, weight) in scratch.shared.iter().zip(transform.col_as_slice(self.size)) {
                     for l in 0..LANES {
                         class_mean[l] = multiply_add::<FUSED>(*weight as f32, values[l], class_mean[l]);
                     }
                 }
-                posterior.predict::<FUSED>(&scratch.block, class_mean)
+                posterior.predict::<FUSED>(&scratch.shared, class_mean)
             }
         }
     }
@@ -404,7 +405,6 @@ fn lower_factor(q: &Mat<f64>) -> Mat<f64> {
 /// The Gram matrix of a class's derived rows over the unknown voxels, into `out.unknown`.
 fn unknown_gram(rows: &Rows, tiles: &TileGrams, size: usize, known: &Known, out: &mut Conditional) {
     let (stride, width) = (rows.stride(), size + 2);
-    out.gathered.resize(BLOCK * stride, 0.0);
     out.unknown.fill(0.0);
     dispatch(tiles.add(&known.division.levels, &mut out.unknown));
     let mut rest = &known.division.rest[..];

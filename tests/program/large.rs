@@ -51,6 +51,9 @@ fn learning_tells_its_passes_and_the_model_its_grids() {
     for part in ["on a grid of 32: ", "on a grid of 64: ", "on a grid of 72: forming W', 3 times", "writing the model"] {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
+    let output = run(["bench", "query", "--model", model.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("`beo bench large`"), "{}", text(&output.stderr));
     // Densities of turned objects are learned where poses are searched.
     assert_eq!(said.matches("learning views from all sides").count(), 2, "{said}");
     let output = run(["inspect", "--verify", model.to_str().unwrap()]);
@@ -163,4 +166,20 @@ fn a_daemon_answers_large_grids_in_shared_memory() {
         }
         assert!((0..dims().voxels()).any(|voxel| completion.deviation()[voxel] > 0), "{turned}");
     }
+}
+
+#[test]
+fn queries_of_a_large_grid_are_timed_beside_a_read_of_the_basis() {
+    let (_, model) = trained();
+    let folder = tempfile::tempdir().unwrap();
+    (100..102).for_each(|seed| write(&folder.path().join(format!("{seed}.binvox")), "chair", seed, 0.0));
+    let output =
+        run(["bench", "large", folder.path().to_str().unwrap(), "--model", model.to_str().unwrap(), "--repeats", "1", "--known", "--json"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let outcome: serde_json::Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    assert_eq!(outcome["dims"], serde_json::json!([SIDE, SIDE, SIDE]));
+    let stages = outcome["stages"].as_array().unwrap();
+    assert_eq!(stages.len(), 4);
+    assert!(stages.iter().all(|stage| stage[1]["count"] == 2), "{outcome}");
+    assert!(outcome["ratio"].as_f64().unwrap() > 0.0 && outcome["read_basis"]["count"] == 1, "{outcome}");
 }
