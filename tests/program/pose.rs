@@ -60,7 +60,7 @@ fn quarter_turns_of_the_query_turn_the_answer_exactly() {
             assert!(apart(yaw_of(&turned.rotation), yaw_of(&upright.rotation) + angle) < 1e-6, "{class}");
             // The completion turns with it, in the grid; in the object's frame it stays.
             let turn = Turn::new(dims(), &yaw(angle));
-            let mut expected = Vec::new();
+            let mut expected = vec![0.0; upright.occupancy.len()];
             turn.values(&upright.occupancy, 0.0, &mut expected);
             let worst = expected.iter().zip(&turned.occupancy).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst < 1e-3, "{class}: {worst}");
