@@ -1,6 +1,7 @@
 //! The shared basis W': d × a in half precision, in memory or mapped from the model file.
 
 use super::first_touch::{Damaged, FirstTouch};
+use super::mapping;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use memmap2::Mmap;
@@ -78,7 +79,8 @@ impl Basis {
 
     /// Bounds the pages of the file that stay in this process's memory, in bytes; of small files nothing is bounded.
     pub fn bound(&self, bytes: usize) {
-        if let Storage::Mapped { first_touch: Some(first_touch), .. } = &self.storage {
+        if let Storage::Mapped { file, first_touch: Some(first_touch), .. } = &self.storage {
+            mapping::map_small_pages(file);
             first_touch.bound(bytes);
         }
     }

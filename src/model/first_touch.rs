@@ -9,6 +9,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 /// Bytes of a piece.
 pub const PIECE: usize = 64 << 10;
 
+/// Bytes that become resident for each byte of a piece, at most or so: the system maps what lies about it too.
+const MAPPED_BESIDE: usize = 3;
+
 /// A part of a model file is not what was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
@@ -44,7 +47,7 @@ impl FirstTouch {
 
     /// Bounds the pages that stay in memory.
     pub fn bound(&self, bytes: usize) {
-        self.most.store(bytes / PIECE, Ordering::Relaxed);
+        self.most.store(bytes / (MAPPED_BESIDE * PIECE), Ordering::Relaxed);
     }
 
     /// Checks the pieces that hold the bytes `range` of `tensor`, which lies in `file`, unless they have been.
@@ -60,7 +63,7 @@ impl FirstTouch {
                 }
                 self.checked[piece].store(true, Ordering::Release);
             }
-            if most < usize::MAX / PIECE
+            if most < usize::MAX / (MAPPED_BESIDE * PIECE)
                 && !self.touched[piece].swap(true, Ordering::Relaxed)
                 && self.count.fetch_add(1, Ordering::Relaxed) >= most
             {
@@ -109,7 +112,7 @@ mod tests {
         let (_file, map) = mapped(&bytes);
         let tensor = 0..bytes.len();
         let first_touch = FirstTouch::new(checksums(&bytes));
-        first_touch.bound(8 * PIECE);
+        first_touch.bound(8 * MAPPED_BESIDE * PIECE);
         for _ in 0..2 {
             for piece in 0..64 {
                 first_touch.touch(&map, &tensor, piece * PIECE..(piece + 1) * PIECE).unwrap();

@@ -13,6 +13,15 @@ pub fn map(file: &File) -> std::io::Result<Mmap> {
     unsafe { Mmap::map(file) }
 }
 
+/// Has the system map small pages only, so that what is not read does not become resident beside what is; where it knows no such advice,
+/// it maps as it likes.
+pub fn map_small_pages(map: &Mmap) {
+    #[cfg(target_os = "linux")]
+    let _ = map.advise(memmap2::Advice::NoHugePage);
+    #[cfg(not(target_os = "linux"))]
+    let _ = map;
+}
+
 /// Takes the pages of a part of a map out of this process's memory; what is read later comes from the file again. Where the system knows
 /// no such advice, they stay.
 pub fn give_back(map: &Mmap, range: Range<usize>) {

@@ -6,7 +6,7 @@ use super::known::Known;
 use super::lanes::dispatch;
 use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
 use super::percept::Frame;
-use super::{Method, Percept, PoseSearch, Query};
+use super::{Method, Percept, PoseSearch, Query, Reading};
 use crate::grid::Placed;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -133,10 +133,14 @@ impl Perceiver {
         // One slab of columns per task: which thread takes it does not change the result.
         let slab = dims.y() * dims.z() * SLAB;
         let slabs = occupancy.par_chunks_mut(slab).zip(deviation.par_chunks_mut(slab));
-        slabs.enumerate().for_each(|(i, (occupancy, deviation))| {
-            complete(i * slab..i * slab + occupancy.len(), occupancy, deviation);
-        });
-        Ok(())
+        slabs.enumerate().try_for_each(|(i, (occupancy, deviation))| {
+            let voxels = i * slab..i * slab + occupancy.len();
+            if let Reading::InPlace(rows) = &self.reading {
+                rows.touch_unknown(known, voxels.start / dims.z()..voxels.end / dims.z())?;
+            }
+            complete(voxels, occupancy, deviation);
+            Ok(())
+        })
     }
 }
 

@@ -237,6 +237,12 @@ impl SharedRows {
         (0..self.dims.columns().div_ceil(slab)).into_par_iter().map(of_slab).collect()
     }
 
+    /// To be called before rows of unknown voxels are loaded again, after [`Self::sum`] has checked them: it keeps what stays in memory
+    /// within its bound.
+    pub(super) fn touch_unknown(&self, known: &Known, columns: Range<usize>) -> Result<(), Damaged> {
+        self.touch(&known.sums.unknown_bits, columns)
+    }
+
     /// Makes sure of the rows of the set bits, and of short gaps between them.
     fn touch(&self, bits: &FixedBitSet, columns: Range<usize>) -> Result<(), Damaged> {
         let mut stretch = 0..0;
