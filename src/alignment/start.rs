@@ -5,9 +5,9 @@
 
 use super::descent::Stage;
 use super::transform::Pose;
-use crate::grid::{Rotation, yaw};
-use nalgebra::{Unit, Vector3};
-use std::f64::consts::{FRAC_PI_2, TAU};
+use crate::grid::{Rotation, cube_rotations, yaw};
+use nalgebra::Vector3;
+use std::f64::consts::TAU;
 
 /// Turns about the vertical that are tried where up is known.
 const YAWS: usize = 16;
@@ -17,11 +17,7 @@ pub(super) fn ways(keep_up: bool) -> Vec<Rotation> {
     if keep_up {
         return (0..YAWS).map(|n| yaw(TAU * n as f64 / YAWS as f64)).collect();
     }
-    let quarter = |axis: Unit<Vector3<f64>>, turns: usize| Rotation::from_axis_angle(&axis, turns as f64 * FRAC_PI_2);
-    // Where the top goes, then a turn about the vertical before it goes there.
-    let (x, y) = (Vector3::x_axis(), Vector3::y_axis());
-    let tops = [quarter(x, 0), quarter(x, 1), quarter(x, 2), quarter(x, 3), quarter(y, 1), quarter(y, 3)];
-    tops.iter().flat_map(|top| (0..4).map(move |turns| top * quarter(Vector3::z_axis(), turns))).collect()
+    cube_rotations()
 }
 
 impl Stage<'_> {

@@ -4,6 +4,7 @@
 //! machine slows all of it alike.
 
 use super::limits::sum;
+use super::machine::process_memory;
 use super::percentiles::Percentiles;
 use crate::grid::Observation;
 use crate::model::Model;
@@ -87,7 +88,7 @@ pub fn measure(
             answered();
         }
         if resident.is_none() {
-            resident = self::resident();
+            resident = process_memory("VmRSS:").zip(process_memory("RssFile:")).map(<[usize; 2]>::from);
         }
         let start = Instant::now();
         read_basis(model);
@@ -113,16 +114,6 @@ fn read_basis(model: &Model) {
         })
         .reduce(|| 0, u64::wrapping_add);
     black_box(total);
-}
-
-/// `VmRSS` and `RssFile` of this process.
-fn resident() -> Option<[usize; 2]> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let of = |name: &str| {
-        let line = status.lines().find_map(|line| line.strip_prefix(name))?;
-        Some(line.split_whitespace().next()?.parse::<usize>().ok()? * 1024)
-    };
-    Some([of("VmRSS:")?, of("RssFile:")?])
 }
 
 impl std::fmt::Display for Large {

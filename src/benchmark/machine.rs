@@ -70,6 +70,13 @@ impl std::fmt::Display for Machine {
     }
 }
 
+/// A line of this process's memory in /proc/self/status, such as `VmRSS:`, in bytes; `None` where the system does not tell.
+pub fn process_memory(name: &str) -> Option<usize> {
+    let status = read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(name))?;
+    Some(line.split_whitespace().next()?.parse::<usize>().ok()? << 10)
+}
+
 /// Of the first core's cache with this index.
 fn cache_bytes(index: usize) -> Option<usize> {
     let size = read_to_string(format!("/sys/devices/system/cpu/cpu0/cache/index{index}/size")).ok()?;

@@ -3,9 +3,9 @@
 use super::icp::{Freedom, Icp, filled_points, mean_object, yaw_starts};
 use super::metrics;
 use super::protocol::{Milliseconds, PoseErrors, PoseFigures, Protocol};
-use super::symmetry::cube_rotations;
 use super::viewpoint::Posed;
 use crate::grid::Rotation;
+use crate::grid::cube_rotations;
 use crate::perception::{Perceiver, PoseSearch};
 use crate::shapes::library::Shape;
 use serde::Serialize;

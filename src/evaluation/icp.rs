@@ -151,8 +151,8 @@ fn yaw_step(query: &MaskedPointCloud<'_, f32, 3>, mean: &MaskedPointCloud<'_, f3
 
 #[cfg(test)]
 mod tests {
-    use super::super::symmetry::cube_rotations;
     use super::*;
+    use crate::grid::cube_rotations;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use std::f64::consts::{FRAC_PI_2, PI, TAU};

@@ -16,10 +16,10 @@
 //!   cube that pass. A body that is round about two axes is taken for a ball. Symmetries about oblique axes are not looked for:
 //!   training shapes stand along the axes of the grid.
 
-use crate::grid::{Dims, Occupancy};
+use crate::grid::{Dims, Occupancy, cube_rotations};
 use fixedbitset::FixedBitSet;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{PI, TAU};
 
 /// Share of the surface voxels that must meet the surface again.
 const LEAST_OVERLAP: f64 = 0.98;
@@ -36,15 +36,6 @@ pub fn rotation_error(estimate: &UnitQuaternion<f64>, truth: &UnitQuaternion<f64
 /// Difference of two yaw angles modulo a full turn, in radians, from 0 to π.
 pub fn yaw_error(estimate_rad: f64, truth_rad: f64) -> f64 {
     ((estimate_rad - truth_rad + PI).rem_euclid(TAU) - PI).abs()
-}
-
-/// The 24 rotations that map a cube to itself; the identity is the first.
-pub fn cube_rotations() -> Vec<UnitQuaternion<f64>> {
-    let quarter = |axis: Unit<Vector3<f64>>, turns: usize| about(axis, turns as f64 * FRAC_PI_2);
-    // Where the top face goes, then a turn about the vertical before it goes there.
-    let (x, y) = (Vector3::x_axis(), Vector3::y_axis());
-    let faces = [quarter(x, 0), quarter(x, 1), quarter(x, 2), quarter(x, 3), quarter(y, 1), quarter(y, 3)];
-    faces.iter().flat_map(|face| (0..4).map(move |turns| face * quarter(Vector3::z_axis(), turns))).collect()
 }
 
 /// The rotations of an object that leave its queries as they are, found by the rule in the description of this module.
@@ -244,6 +235,7 @@ mod tests {
     use super::*;
     use crate::shapes::furniture;
     use proptest::prelude::*;
+    use std::f64::consts::FRAC_PI_2;
 
     /// The body of those points (in voxels from the grid's centre) that are `inside`.
     fn body(inside: impl Fn(Vector3<f64>) -> bool) -> Occupancy {

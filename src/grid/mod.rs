@@ -23,8 +23,10 @@ pub use occupancy::Occupancy;
 pub use placed::Placed;
 pub use pooling::Pooling;
 pub use raycast::RayCaster;
-pub(crate) use rotation::nearest;
-pub use rotation::{Outside, Rotation, Turn, for_each_column_source, from_xyzw, mean_rotation, to_xyzw, uniform_rotation, yaw, yaw_of};
+pub(crate) use rotation::{ALONE, nearest};
+pub use rotation::{
+    Outside, Rotation, Turn, cube_rotations, for_each_column_source, from_xyzw, mean_rotation, to_xyzw, uniform_rotation, yaw, yaw_of,
+};
 pub use runs::for_each_run;
 pub use shrinking::{Counts, Shrinking};
 pub use view::View;

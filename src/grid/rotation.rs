@@ -5,9 +5,9 @@
 
 use super::{Dims, Observation, Occupancy, Placed};
 use fixedbitset::FixedBitSet;
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3, Vector4};
 use rayon::prelude::*;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// A rotation from object axes to grid axes.
 pub type Rotation = UnitQuaternion<f64>;
@@ -33,6 +33,15 @@ pub fn yaw(angle: f64) -> Rotation {
 /// The angle about +z of a rotation about z, in \[0, 2π); of any other rotation, that of the nearest rotation about z.
 pub fn yaw_of(rotation: &Rotation) -> f64 {
     (2.0 * rotation.k.atan2(rotation.w)).rem_euclid(TAU)
+}
+
+/// The 24 rotations that map a cube to itself; the identity is the first.
+pub fn cube_rotations() -> Vec<Rotation> {
+    let quarter = |axis: Unit<Vector3<f64>>, turns: usize| Rotation::from_axis_angle(&axis, turns as f64 * FRAC_PI_2);
+    // Where the top face goes, then a turn about the vertical before it goes there.
+    let (x, y) = (Vector3::x_axis(), Vector3::y_axis());
+    let faces = [quarter(x, 0), quarter(x, 1), quarter(x, 2), quarter(x, 3), quarter(y, 1), quarter(y, 3)];
+    faces.iter().flat_map(|face| (0..4).map(move |turns| face * quarter(Vector3::z_axis(), turns))).collect()
 }
 
 /// The rotation that three numbers in \[0, 1) stand for; uniform if these are (Shoemake, "Uniform random rotations", Graphics
@@ -70,8 +79,8 @@ pub struct Turn {
     sources: Vec<u32>,
 }
 
-/// Voxels from which on a turn is computed by several threads: waking them costs as much as they would save below.
-const ALONE: usize = 40 * 40 * 40;
+/// Voxels up to which a grid is worked on by one thread: waking another costs as much as it would save.
+pub(crate) const ALONE: usize = 40 * 40 * 40;
 
 impl Turn {
     /// A turn that is still to be set.
@@ -240,7 +249,7 @@ mod tests {
     use super::*;
     use crate::grid::View;
     use proptest::prelude::*;
-    use std::f64::consts::{FRAC_PI_2, PI};
+    use std::f64::consts::PI;
 
     fn asymmetric() -> Occupancy {
         let dims = Dims::cube(9).unwrap();

@@ -4,10 +4,10 @@ use super::completion::{self, Complete, Part, Unknown};
 use super::density;
 use super::known::Known;
 use super::lanes::dispatch;
-use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
+use super::perceiver::{PerceiveError, Perceiver, Workspace};
 use super::percept::Frame;
 use super::{Method, Percept, PoseSearch, Query, Reading};
-use crate::grid::Placed;
+use crate::grid::{ALONE, Placed};
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -20,9 +20,6 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// Voxels up to which a query in known pose stays on its thread: waking another costs as much as it would save.
-pub(super) const ALONE: usize = 40 * 40 * 40;
-
 /// A model prepared for queries. Shared between threads; each brings its own [`Workspace`].
 pub struct Perceiver {
     pub(super) model: Arc<Model>,

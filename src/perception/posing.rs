@@ -5,7 +5,7 @@ use super::known::Known;
 use super::perceiver::{PerceiveError, Perceiver, Workspace, most_probable};
 use super::pose::circle::{Circle, Looked};
 use super::pose::yaw::log_residual;
-use super::subspace::{ClassSubspace, Conditional};
+use super::subspace::{ClassSubspace, Conditional, background_of};
 use super::{Method, Percept, PoseSearch, Query};
 use crate::grid::{Observation, Placed, Rotation, Turn, yaw, yaw_of};
 use crate::linear::LinearError;
@@ -184,10 +184,9 @@ impl Perceiver {
     }
 }
 
-/// Log density of the known voxels without a class: noise of this variance about zero.
+/// Log density of the known voxels without a class.
 pub(crate) fn background(noise: f64, turned: &Observation, known: &Known) -> f64 {
-    let voxels = turned.known().count_ones(..) as f64;
-    -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + known.filled.len() as f64 / noise)
+    background_of(noise, turned.known().count_ones(..) as f64, known.filled.len() as f64)
 }
 
 #[cfg(test)]

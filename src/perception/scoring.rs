@@ -2,8 +2,9 @@
 
 use super::blend::{Scores, softmax};
 use super::known::Known;
-use super::perceiver::{ALONE, PerceiveError, Perceiver, Workspace};
+use super::perceiver::{PerceiveError, Perceiver, Workspace};
 use super::{ClassSubspace, Conditional, Density, Method, Percept, Query, paper};
+use crate::grid::ALONE;
 use crate::linear::LinearError;
 use crate::model::Blend;
 use rayon::prelude::*;

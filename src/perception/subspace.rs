@@ -247,11 +247,10 @@ impl ClassSubspace {
         out.filled[self.size + 1] = ones[0];
     }
 
-    /// Log density without a class, noise of this variance about zero, of the voxels that such sums count as known.
+    /// Log density without a class of the voxels that such sums count as known.
     pub(super) fn background(&self, noise: f64, sums: &SharedSums) -> f64 {
         let (all, last) = (self.gram.last(), |sums: &[f64]| sums.last().copied().unwrap_or(0.0));
-        let voxels = all.copied().unwrap_or(0.0) - last(&sums.unknown);
-        -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + last(&sums.filled) / noise)
+        background_of(noise, all.copied().unwrap_or(0.0) - last(&sums.unknown), last(&sums.filled))
     }
 
     /// Conditions the class on what [`Self::gather`] has read, with noise variance `noise`.
@@ -351,6 +350,11 @@ impl ClassSubspace {
             }
         }
     }
+}
+
+/// Log density without a class of so many voxels, of which so many are filled: noise of this variance about zero.
+pub(super) fn background_of(noise: f64, voxels: f64, filled: f64) -> f64 {
+    -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + filled / noise)
 }
 
 fn roots(variances: &[f64]) -> Vec<f64> {

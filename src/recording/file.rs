@@ -73,12 +73,15 @@ pub struct McapFile {
     sequences: BTreeMap<u16, u32>,
 }
 
+/// What the file's header says of the program that wrote it.
+const WRITTEN_BY: &str = concat!("beo ", env!("CARGO_PKG_VERSION"));
+
 impl McapFile {
     /// Starts a file, in place of one that is there.
     pub fn create(path: &Path) -> Result<Self, RecordError> {
         let writer = File::create(path)
             .map_err(McapError::from)
-            .and_then(|file| WriteOptions::new().library(concat!("beo ", env!("CARGO_PKG_VERSION"))).create(BufWriter::new(file)))
+            .and_then(|file| WriteOptions::library(WriteOptions::new(), WRITTEN_BY).create(BufWriter::new(file)))
             .map_err(|error| failure(path, 0, &error))?;
         Ok(Self { path: path.into(), writer: Some(writer), messages: 0, sequences: BTreeMap::new() })
     }

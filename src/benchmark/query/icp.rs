@@ -4,7 +4,7 @@
 use super::questions::{Question, Search};
 use crate::benchmark::percentiles::Percentiles;
 use crate::evaluation::icp::{Freedom, Icp, filled_points, mean_object, yaw_starts};
-use crate::evaluation::symmetry::cube_rotations;
+use crate::grid::cube_rotations;
 use crate::perception::Perceiver;
 use std::hint::black_box;
 use std::time::Instant;

@@ -3,9 +3,10 @@
 use super::models::Recipe;
 use super::queries::Asked;
 use super::sweep::ScaleError;
+use crate::benchmark::machine::process_memory;
 use crate::benchmark::percentiles::median;
 use crate::perception::Perceiver;
-use std::fs::{read_to_string, write};
+use std::fs::write;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -46,12 +47,9 @@ pub fn measure(recipe: Recipe) -> Result<Vec<f64>, ScaleError> {
     Ok(vec![median(times.into_iter()), peak, basis, held, median(queries.into_iter())])
 }
 
-/// A line of /proc/self/status, in MB.
+/// A line of /proc/self/status, in MB; 0 where the system does not tell.
 fn memory(name: &str) -> f64 {
-    let status = read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix(name));
-    let kilobytes = line.and_then(|line| line.split_whitespace().next()).and_then(|text| text.parse::<f64>().ok());
-    kilobytes.unwrap_or(0.0) * 1024.0 / 1e6
+    process_memory(name).unwrap_or(0) as f64 / 1e6
 }
 
 /// Lets the peak of this process's memory begin anew; where the kernel does not, the peak is that of all that went before.
