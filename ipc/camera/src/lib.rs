@@ -15,20 +15,30 @@
 //! by a driver. Frames: the camera frame is the optical one (x right, y down, z along the optical axis; metres), pixels count from the
 //! centre of the first one; a grid's frame has its origin at the grid's centre, axes along the indices, z up.
 
+mod blocks;
 mod carving;
 mod frame;
 mod fusion;
 mod intrinsics;
+mod joining;
+mod observer;
+mod own_readings;
 mod placement;
+mod planes;
+mod rays;
 mod segments;
 mod sensor;
 mod support;
+mod supports;
+mod tables;
 
 pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};
 pub use frame::{Frame, FrameError};
 pub use fusion::{Fusion, FusionError};
 pub use intrinsics::{Intrinsics, IntrinsicsError};
+pub use observer::{BelowSupport, Cut, FrameGrids, NoGrid, ObjectGrid, ObservedGrid, Observer, ObserverOptions, Quality};
 pub use placement::{Placement, PlacementError, place, place_in};
 pub use segments::Segments;
 pub use sensor::{SensorModel, SensorModelError};
+pub use tables::Segmentation;
 pub use support::{Plane, PlaneSearch, fit_support, fit_support_in, up_axis};
