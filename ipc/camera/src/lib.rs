@@ -17,6 +17,7 @@
 
 mod blocks;
 mod carving;
+mod consensus;
 mod frame;
 mod fusion;
 mod intrinsics;
@@ -31,6 +32,7 @@ mod sensor;
 mod support;
 mod supports;
 mod tables;
+mod tune;
 
 pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};
 pub use frame::{Frame, FrameError};

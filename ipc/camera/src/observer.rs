@@ -3,7 +3,8 @@
 
 use crate::carving::{Carver, Grid};
 use crate::joining::Joint;
-use crate::own_readings::{LocalSupport, Scene, own_readings};
+use crate::consensus::consensus;
+use crate::own_readings::{Scene, own_readings, percentile};
 use crate::placement::{Placement, PlacementError, place_in};
 use crate::rays::Rays;
 use crate::segments::Segments;
@@ -159,6 +160,12 @@ impl FrameGrids {
     }
 }
 
+/// The middle depth of some pixels, metres.
+fn rays_depth(depth: &[f32], pixels: &[u32]) -> f64 {
+    let some: Vec<f32> = pixels.iter().step_by(pixels.len().div_ceil(400).max(1)).map(|pixel| depth[*pixel as usize]).collect();
+    f64::from(percentile(&some, 0.5))
+}
+
 /// Turns frames into grids; keeps what lasts from frame to frame.
 #[derive(Clone, Debug)]
 pub struct Observer {
@@ -239,15 +246,33 @@ impl Observer {
         }
         flying.iter().for_each(|pixel| depth[*pixel as usize] = 0.0);
         let up = supports.as_ref().map(|supports| supports.up);
-        let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
-        let segments = Segments::new(&clean);
-        let lay = |object: u16, local: Option<LocalSupport>, quality: Quality| {
-            let up = up.as_ref().ok_or(NoGrid::NoUp { object })?;
-            let support = local.map(|local| local.plane);
-            let grid = place_in(&clean, &segments, object, up, support.as_ref(), &options.sensor, options.dims, &options.placement)?;
-            Ok(ObservedGrid { grid, support, sensor: options.sensor, quality })
-        };
-        let objects = found.into_iter().map(|(object, local, quality)| ObjectGrid { object, grid: lay(object, local, quality) }).collect();
+        let joint = Joint::new(&rays, &options.sensor);
+        let mut objects = Vec::with_capacity(found.len());
+        let segments = Segments::new(&Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size"));
+        let mut smooth = depth.clone();
+        for (object, local, mut quality) in found {
+            let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
+            let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
+                let up = up.ok_or(NoGrid::NoUp { object })?;
+                let support = local.as_ref().map(|local| &local.plane);
+                Ok(place_in(&clean, &segments, object, &up, support, &options.sensor, options.dims, &options.placement)?)
+            };
+            let grid = lay(up).map(|grid| {
+                let pixels = segments.pixels(object);
+                let middle = rays_depth(&depth, pixels);
+                let mut sensor = options.sensor;
+                // Where the voxels are coarser than the noise, there is nothing to gain.
+                if crate::knob!("CONS", 0.5) * sensor.half_band(middle) > 0.25 * grid.voxel_size_m() {
+                    let (z, left) = consensus(&depth, &cleaned, rays.width(), &joint, pixels);
+                    pixels.iter().zip(z).for_each(|(pixel, z)| smooth[*pixel as usize] = z);
+                    (sensor.constant_m, sensor.quadratic_per_m) = (sensor.constant_m * left, sensor.quadratic_per_m * left);
+                }
+                quality.surface_deviation_m = sensor.deviation(middle);
+                ObservedGrid { grid, support: local.map(|local| local.plane), sensor, quality }
+            });
+            objects.push(ObjectGrid { object, grid });
+        }
+        let depth = smooth;
         let (supports, corrected_rad) =
             supports.map_or_else(|| (Vec::new(), None), |found: Supports| (found.planes.iter().map(|p| p.plane).collect(), found.corrected_rad));
         let grids = FrameGrids {

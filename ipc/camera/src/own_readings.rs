@@ -11,6 +11,7 @@ use crate::SensorModel;
 use crate::joining::{EIGHT, FOUR, Joint, nearest, neighbours, pieces, samples};
 use crate::rays::Rays;
 use crate::support::Plane;
+use nalgebra::Vector3;
 
 /// A support plane where one object stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +62,9 @@ const LEAST_NEIGHBOURS: usize = 3;
 /// Pieces nearer than this hang together, metres, or than so many pixels.
 const GAP_M: f32 = 0.02;
 const GAP_PIXELS: f32 = 6.0;
+/// Or than this share of the largest one's extent, at most metres: a bowl's near wall hides what joins it to the far one.
+const GAP_SHARE: f32 = 0.5;
+const GAP_MOST_M: f32 = 0.06;
 /// Share of the main piece below which a piece is a speck.
 const SPECK: f64 = 0.01;
 
@@ -102,9 +106,9 @@ fn attempt(
     let mut found = OwnReadings::default();
     let mut low = Vec::new();
     if let Some(support) = support {
-        let least = LEAST_HEIGHT_M.max(LEAST_DEVIATIONS * support.deviation_m) as f32;
+        let least = crate::knob!("LEASTH", LEAST_HEIGHT_M).max(crate::knob!("LEASTD", LEAST_DEVIATIONS) * support.deviation_m) as f32;
         let top = percentile(heights, 0.95);
-        let foot = if strict { least } else { least.max((FOOT_SHARE as f32 * top).min(FOOT_M as f32)) };
+        let foot = if strict { least } else { least.max((crate::knob!("FSHARE", FOOT_SHARE) as f32 * top).min(crate::knob!("FOOT", FOOT_M) as f32)) };
         for (pixel, h) in mask.iter().zip(heights) {
             state[*pixel as usize] = if *h > foot { HIGH } else { LOW };
         }
@@ -145,7 +149,7 @@ fn attempt(
             let z = scene.depth[*pixel as usize];
             let joined = |other: &usize| matches!(state[*other], HIGH | FLYING) && scene.joint.joins(z, scene.depth[*other]);
             state[*pixel as usize] == HIGH
-                && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < LEAST_NEIGHBOURS
+                && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < crate::knob!("NEIGH", LEAST_NEIGHBOURS as f64) as usize
         })
         .collect();
     flying.iter().for_each(|pixel| state[*pixel as usize] = FLYING);
@@ -167,6 +171,7 @@ fn main_pieces(scene: &Scene<'_>, all: &[crate::joining::Piece]) -> (Vec<u32>, u
     let Some(first) = all.first() else { return (Vec::new(), 0) };
     let speck = ((SPECK * first.pixels.len() as f64) as usize).max(4);
     let mut main = first.pixels.clone();
+    let size = extent(scene, &first.pixels);
     let mut points = samples(scene.rays, scene.depth, &first.pixels);
     let mut waiting: Vec<&crate::joining::Piece> = all[1..].iter().filter(|piece| piece.pixels.len() >= speck).collect();
     let mut far: usize = all[1..].iter().map(|piece| piece.pixels.len()).sum();
@@ -176,7 +181,8 @@ fn main_pieces(scene: &Scene<'_>, all: &[crate::joining::Piece]) -> (Vec<u32>, u
             let own = samples(scene.rays, scene.depth, &piece.pixels);
             let Some((distance, ends)) = nearest(&points, &own) else { return true };
             let z = scene.depth[ends[0] as usize].min(scene.depth[ends[1] as usize]);
-            let is_near = distance < GAP_M.max(GAP_PIXELS * scene.rays.pitch(z)) || is_hidden_between(scene, ends);
+            let near = GAP_M.max(GAP_PIXELS * scene.rays.pitch(z)).max((GAP_SHARE * size).min(GAP_MOST_M));
+            let is_near = distance < near || is_hidden_between(scene, ends);
             if is_near {
                 main.extend_from_slice(&piece.pixels);
                 points.extend(own);
@@ -188,6 +194,14 @@ fn main_pieces(scene: &Scene<'_>, all: &[crate::joining::Piece]) -> (Vec<u32>, u
             return (main, far);
         }
     }
+}
+
+/// How far a piece reaches, metres.
+fn extent(scene: &Scene<'_>, pixels: &[u32]) -> f32 {
+    let points = samples(scene.rays, scene.depth, pixels);
+    let low = points.iter().fold(Vector3::repeat(f32::INFINITY), |low, (p, _)| low.inf(p));
+    let high = points.iter().fold(Vector3::repeat(f32::NEG_INFINITY), |high, (p, _)| high.sup(p));
+    (high - low).max()
 }
 
 /// Whether all between two pixels is nearer than both: one surface behind something.
