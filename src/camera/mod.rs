@@ -4,6 +4,7 @@
 //! | file | what |
 //! | --- | --- |
 //! | `grids` | from a frame to the grids of its objects |
+//! | `observation` | what an observation says of such a grid |
 //! | `carving` | a grid carved by all threads |
 //! | `simulation` | what a camera sees of a complete voxel object |
 //! | `fused` | several views of objects that do not move |
@@ -24,6 +25,7 @@ mod fused;
 mod grids;
 mod image;
 mod npy_image;
+mod observation;
 mod png_image;
 mod scene_camera;
 pub mod simulation;
@@ -39,6 +41,7 @@ pub use fused::FusedObjects;
 pub use grids::{BelowSupport, FrameGrids, GridOptions, NoGrid, ObjectGrid, lay_grids};
 pub use image::{Image, MOST_PIXELS, Raster};
 pub use npy_image::parse_npy_image;
+pub use observation::observation_of;
 pub use png_image::parse_png_image;
 pub use scene_camera::{SceneCamera, parse_scene_camera};
 pub use tiff_image::parse_tiff_image;

@@ -5,15 +5,14 @@ use super::failure::{Failure, cannot_write};
 use super::observe::{first_status, seconds};
 use super::stop;
 use crate::camera::{BelowSupport, CapturedFrame, FolderOptions, FrameFolder, FrameGrids, FusedObjects, GridOptions, NoGrid};
-use crate::camera::{StampedPose, carve, lay_grids, parse_trajectory};
+use crate::camera::{StampedPose, carve, lay_grids, observation_of, parse_trajectory};
 use crate::grid::{Dims, Observation};
 use crate::shapes::{read_bytes, write_npy_observation};
-use beo_camera::{Carver, Grid, Placement, SensorModel};
+use beo_camera::{Carver, Placement, SensorModel};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::limits::NAME_LEN;
 use beo_ipc::text::{from_field, to_field};
-use beo_ipc::{InstanceName, ObservationHeader, Outside, PerceptStatus, PoseSearch, Producer, ScaleSearch, Subscriber, SubscriberOptions};
-use beo_ipc::{View, tasks};
+use beo_ipc::{InstanceName, ObservationHeader, PerceptStatus, PoseSearch, Producer, Subscriber, SubscriberOptions};
 use clap::{Args, ValueEnum};
 use nalgebra::{Isometry3, Unit, Vector3};
 use serde_json::json;
@@ -151,7 +150,8 @@ impl Camera {
                 let producer = Producer::open_within(&self.instance, &self.template(status.dims), wait)?;
                 let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
                 let (in_step, stop_too) = (self.rate.is_none(), stop.clone());
-                let mut daemon = Daemon { producer, subscriber, stop: stop_too, in_step, pending: BTreeMap::new(), counts: [0; 4] };
+                let (known_side_m, pending) = (self.known_side, BTreeMap::new());
+                let mut daemon = Daemon { producer, subscriber, stop: stop_too, in_step, known_side_m, pending, counts: [0; 4] };
                 replay.play(&stop, &mut daemon)?;
                 daemon.settle(0)?;
                 daemon.give_up(|_, _| true)?;
@@ -204,15 +204,7 @@ impl Camera {
             PoseArgument::Yaw => PoseSearch::Yaw,
             PoseArgument::Full => PoseSearch::Full,
         };
-        ObservationHeader {
-            pose_search: pose.code(),
-            tasks: tasks::ALL,
-            view: View::Camera.code(),
-            outside: Outside::Unknown.code(),
-            scale_search: ScaleSearch::Search.code(),
-            known_side_m: self.known_side.unwrap_or(0.0) as f32,
-            ..ObservationHeader::new(dims)
-        }
+        ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
     }
 }
 
@@ -378,6 +370,8 @@ struct Daemon {
     stop: Arc<AtomicBool>,
     /// The answers set the pace.
     in_step: bool,
+    /// The objects' longest side, if all have the same.
+    known_side_m: Option<f64>,
     /// What was sent and has no answer yet: frame and object.
     pending: BTreeMap<u64, (String, u64)>,
     /// Sent, answered, refused, without an answer.
@@ -392,10 +386,15 @@ impl Sink for Daemon {
         let mut loan = self.producer.loan()?;
         carve(carver, loan.voxels_mut())?;
         finish(loan.voxels_mut())?;
-        let header = loan.header_mut();
-        place(header, &carver.grid);
-        (header.object_id, header.capture_ns, header.sensor_stamp_ns) = (carver.object.into(), of.captured_ns, of.stamp_ns);
-        header.frame_id = to_field(of.frame_id);
+        let template = *loan.header();
+        *loan.header_mut() = ObservationHeader {
+            producer_id: template.producer_id,
+            pose_search: template.pose_search,
+            capture_ns: of.captured_ns,
+            sensor_stamp_ns: of.stamp_ns,
+            frame_id: to_field(of.frame_id),
+            ..observation_of(carver.object, &carver.grid, self.known_side_m)?
+        };
         let sent = loan.send()?;
         self.pending.insert(sent.sequence, (of.frame.to_owned(), carver.object.into()));
         self.counts[0] += 1;
@@ -406,15 +405,6 @@ impl Sink for Daemon {
     fn frame_ended(&mut self) -> Result<(), Failure> {
         if self.in_step { self.settle(0) } else { self.drain().map(drop) }
     }
-}
-
-/// Says where the grid lies in the camera frame.
-fn place(header: &mut ObservationHeader, grid: &Grid) {
-    let motion = grid.grid_to_camera();
-    header.position_m = motion.translation.vector.into();
-    header.orientation = motion.rotation.coords.into();
-    header.voxel_size_m = grid.voxel_size_m() as f32;
-    header.sensor_position_m = grid.camera().coords.map(|metres| metres as f32).into();
 }
 
 impl Daemon {
@@ -487,8 +477,7 @@ impl Sink for Files {
         let observation = Observation::from_bytes(Dims::new(x, y, z)?, &self.voxels)?;
         let mut bytes = Vec::new();
         write_npy_observation(&mut bytes, &observation)?;
-        let mut header = ObservationHeader::default();
-        place(&mut header, grid);
+        let header = observation_of(carver.object, grid, None)?;
         let beside = json!({
             "frame": of.frame,
             "object": carver.object,
