@@ -195,7 +195,8 @@ impl Scalar for Hypothesis {
 pub struct Percept {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
-    /// A number of [`crate::PerceptStatus`]; unless it is 0 (ok), class, posterior and hypotheses are empty and all lengths are 0.
+    /// A number of [`crate::PerceptStatus`]; unless it is 0 (ok), class, posterior and hypotheses are empty and
+    /// `object_extent_m` is 0.
     pub status: u32,
     /// The run of the daemon that answered; changes when the daemon restarts.
     pub daemon_id: u64,
@@ -602,7 +603,7 @@ mod tests {
         ];
         assert_eq!(
             hashes.map(|hash| format!("{hash:016x}")),
-            ["fda188ed98f418bd", "fec395a92f4fab4f", "62bc3d26b09377a5", "afcef3a2f37815de", "ecd0d4786662758d",]
+            ["74fdf0008c04dc9d", "fec395a92f4fab4f", "4ba7458eb99f2dd2", "67df1109af4ea55e", "fa9d4a7a2012470a",]
         );
     }
 
