@@ -1,19 +1,19 @@
 //! `beo camera`: a producer that carves the frames of a folder into grids, for a daemon or as files.
 
-use super::eval::PoseArgument;
+use super::arguments::PoseArgument;
 use super::failure::{Failure, cannot_write};
 use super::observe::{first_status, seconds};
 use super::stop;
-use crate::camera::{BelowSupport, CapturedFrame, FolderOptions, FrameFolder, FrameGrids, FusedObjects, GridOptions, NoGrid};
-use crate::camera::{StampedPose, carve, lay_grids, parse_trajectory};
-use crate::grid::{Dims, Observation};
-use crate::shapes::{read_bytes, write_npy_observation};
-use beo_camera::{Carver, Grid, Placement, SensorModel};
+use crate::frames::{CapturedFrame, FolderOptions, FrameFolder, StampedPose, parse_trajectory};
+use beo_camera::{BelowSupport, Carver, FrameGrids, FusedObjects, Grid, GridOptions, NoGrid, Placement, SensorModel};
+use beo_camera::{carve, lay_grids};
+use beo_core::grid::{Dims, Observation};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::limits::NAME_LEN;
 use beo_ipc::text::{from_field, to_field};
 use beo_ipc::{InstanceName, ObservationHeader, Outside, PerceptStatus, PoseSearch, Producer, ScaleSearch, Subscriber, SubscriberOptions};
 use beo_ipc::{View, tasks};
+use beo_shapes::{read_bytes, write_npy_observation};
 use clap::{Args, ValueEnum};
 use nalgebra::{Isometry3, Unit, Vector3};
 use serde_json::json;
@@ -193,7 +193,7 @@ impl Camera {
                 BelowArgument::Empty => BelowSupport::Empty,
                 BelowArgument::Unknown => BelowSupport::Unknown,
             },
-            ..GridOptions::new(dims)
+            ..GridOptions::new(dims.into())
         })
     }
 
