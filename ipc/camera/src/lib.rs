@@ -2,7 +2,7 @@
 //!
 //! | file | what |
 //! | --- | --- |
-//! | `intrinsics` | the pinhole camera with lens distortion |
+//! | `intrinsics`, `lens` | the pinhole camera with lens distortion |
 //! | `frame` | one depth image with its labels |
 //! | `segments` | the pixels of each label |
 //! | `sensor` | how far a reading may be from the surface, by depth |
@@ -19,6 +19,7 @@ mod carving;
 mod frame;
 mod fusion;
 mod intrinsics;
+mod lens;
 mod placement;
 mod segments;
 mod sensor;
@@ -28,6 +29,7 @@ pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};
 pub use frame::{Frame, FrameError};
 pub use fusion::{Fusion, FusionError};
 pub use intrinsics::{Intrinsics, IntrinsicsError};
+pub use lens::Lens;
 pub use placement::{Placement, PlacementError, place, place_in};
 pub use segments::Segments;
 pub use sensor::{SensorModel, SensorModelError};
