@@ -107,6 +107,7 @@ pub fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Stat
 }
 
 /// Class and probability, for where there is little room.
+#[cfg(feature = "record")]
 pub fn label(percept: &Percept, status: &Status) -> String {
     let p = percept.posterior.get(percept.class_index as usize).copied().unwrap_or(0.0);
     format!("{} {:.0} %", class_name(status, percept.class_index), 100.0 * p)
