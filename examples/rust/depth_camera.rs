@@ -62,15 +62,7 @@ fn next_frame(intrinsics: &Intrinsics, number: u32, start: Instant) -> Images {
 
 /// Where a grid lies and where the camera is; size, place and rotation about the vertical are to be found.
 fn header(grid: &Grid) -> Result<ObservationHeader, CarvedGridError> {
-    let place = grid.grid_to_camera();
-    ObservationHeader::of_grid(&CarvedGrid {
-        voxel_size_m: grid.voxel_size_m(),
-        position_m: place.translation.vector.into(),
-        orientation: place.rotation.coords.into(),
-        camera_position_m: grid.camera().into(),
-        object_id: OBJECT.into(),
-        ..CarvedGrid::new(grid.dims().map(|side| side as u32))
-    })
+    ObservationHeader::of_grid(&CarvedGrid { object_id: OBJECT.into(), ..grid.into() })
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -59,6 +59,21 @@ impl CarvedGrid {
     }
 }
 
+#[cfg(feature = "camera")]
+impl From<&beo_camera::Grid> for CarvedGrid {
+    /// Where the grid lies; of what it holds, nothing is said yet.
+    fn from(grid: &beo_camera::Grid) -> Self {
+        let place = grid.grid_to_camera();
+        Self {
+            voxel_size_m: grid.voxel_size_m(),
+            position_m: place.translation.vector.into(),
+            orientation: place.rotation.coords.into(),
+            camera_position_m: grid.camera().into(),
+            ..Self::new(grid.dims().map(|side| side as u32))
+        }
+    }
+}
+
 /// Why there is no header for a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CarvedGridError {

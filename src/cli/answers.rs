@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::perceive::describe_pose;
-use crate::grid::{Rotation, from_xyzw};
+use beo_core::grid::{Rotation, from_xyzw};
 use beo_ipc::text::from_field;
 use beo_ipc::{Completion, Hypothesis, NO_RESTING_POSE, NOT_COMPUTED, Percept, PerceptStatus, Status, Subscriber, cut, tasks};
 use serde_json::json;
@@ -128,6 +128,7 @@ pub fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Stat
 }
 
 /// Class and probability, for where there is little room.
+#[cfg(feature = "record")]
 pub fn label(percept: &Percept, status: &Status) -> String {
     let p = percept.posterior.get(percept.class_index as usize).copied().unwrap_or(0.0);
     format!("{} {:.0} %", class_name(status, percept.class_index), 100.0 * p)

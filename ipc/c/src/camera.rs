@@ -152,14 +152,7 @@ pub unsafe extern "C" fn beo_observation_header_of_grid(
         must_not_be_null(header, "header")?;
         // SAFETY: as the caller promises.
         let (options, said, placed) = unsafe { (Options::read(options)?, read(grid, "grid")?, placed(grid)?) };
-        let Isometry3 { rotation, translation } = placed.grid_to_camera();
         let filled = ObservationHeader::of_grid(&CarvedGrid {
-            dims: said.dims,
-            voxel_size_m: placed.voxel_size_m(),
-            position_m: translation.vector.into(),
-            orientation: rotation.coords.into(),
-            camera_position_m: placed.camera().into(),
-            object_id: 0,
             cut: said.cut,
             share_support: said.share_support,
             share_edge: said.share_edge,
@@ -167,6 +160,7 @@ pub unsafe extern "C" fn beo_observation_header_of_grid(
             surface_deviation_m: said.surface_deviation_m,
             known_side_m: options.placement.known_side_m.unwrap_or(0.0),
             known_side_deviation_m: options.known_side_deviation_m,
+            ..CarvedGrid::from(&placed)
         })?;
         // SAFETY: writable, as the caller promises.
         unsafe { store(header, filled) };
