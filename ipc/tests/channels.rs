@@ -111,9 +111,9 @@ fn check_percept(percept: &Percept) {
         written_ns: percept.written_ns,
         ..template()
     };
-    let expected = Percept { daemon_id: percept.daemon_id, published_ns: percept.published_ns, ..answer(&header, &voxels) };
-    assert_eq!(*percept, expected);
-    assert!(percept.daemon_id != 0 && percept.producer_id != 0);
+    let Percept { daemon_id, answer_number, published_ns, .. } = *percept;
+    assert_eq!(*percept, Percept { daemon_id, answer_number, published_ns, ..answer(&header, &voxels) });
+    assert!(percept.daemon_id != 0 && percept.answer_number != 0 && percept.producer_id != 0);
     assert!(0 < percept.capture_ns && percept.capture_ns <= percept.written_ns && percept.written_ns <= percept.published_ns);
 }
 
