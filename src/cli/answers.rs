@@ -1,7 +1,7 @@
 //! Answers of a daemon, read from shared memory and put into words and JSON.
 
 use super::failure::Failure;
-use super::perceive::describe_pose;
+use super::wording::describe_pose;
 use beo_core::grid::{Rotation, from_xyzw};
 use beo_ipc::text::from_field;
 use beo_ipc::{Completion, Hypothesis, NO_RESTING_POSE, NOT_COMPUTED, Percept, PerceptStatus, Status, Subscriber, cut, tasks};

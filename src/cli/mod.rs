@@ -32,6 +32,7 @@ mod status;
 mod stop;
 mod train;
 mod watch;
+mod wording;
 
 pub use serve::Configuration;
 

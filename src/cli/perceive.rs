@@ -4,7 +4,8 @@ use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::pictures::{PictureArguments, Shown};
 use super::shapes::{CameraArguments, MeshArguments, ViewArgument};
-use beo_core::grid::{Rotation, to_xyzw, yaw_of};
+use super::wording::describe_pose;
+use beo_core::grid::to_xyzw;
 use beo_core::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
 use beo_ipc::Refusal;
 use clap::Args;
@@ -54,19 +55,6 @@ pub struct Perceive {
     camera: CameraArguments,
     #[command(flatten)]
     mesh: MeshArguments,
-}
-
-/// A rotation for people: its angle, its axis unless that is z, and how far the posterior spreads.
-pub fn describe_pose(rotation: &Rotation, spread: f64) -> String {
-    let spread = spread.to_degrees();
-    let about_z = rotation.i.abs().max(rotation.j.abs()) < 1e-6;
-    match rotation.axis_angle() {
-        Some((axis, angle)) if !about_z => {
-            let [x, y, z] = [axis.x, axis.y, axis.z];
-            format!("turned by {:.0}° about ({x:.2}, {y:.2}, {z:.2}) ± {spread:.0}°", angle.to_degrees())
-        }
-        _ => format!("turned by {:.0}° ± {spread:.0}°", yaw_of(rotation).to_degrees()),
-    }
 }
 
 impl Perceive {
