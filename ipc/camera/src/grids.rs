@@ -1,0 +1,309 @@
+//! The one road from a depth frame to a grid for each of its objects:
+//! supports, segments (the user's masks or the frame's own), own readings, places; carving follows in the caller's memory.
+
+use crate::carving::{Carver, Grid};
+use crate::joining::Joint;
+use crate::consensus::consensus;
+use crate::own_readings::{Scene, own_readings, percentile};
+use crate::placement::{Placement, PlacementError, place_in};
+use crate::rays::Rays;
+use crate::segments::Segments;
+use crate::supports::{SupportSearch, Supports, find_supports, find_table, local_support, only_up};
+use crate::tables::{Segmentation, segment};
+use crate::{Frame, Intrinsics, Plane, SensorModel};
+use nalgebra::{Unit, Vector3};
+
+/// How frames become grids.
+#[derive(Clone, Copy, Debug)]
+pub struct GridOptions {
+    /// Voxels of the grids along x, y, z.
+    pub dims: [usize; 3],
+    /// How far readings may be from the surface.
+    pub sensor: SensorModel,
+    /// How a grid is laid about an object.
+    pub placement: Placement,
+    /// Where the objects come from.
+    pub segmentation: Segmentation,
+    /// The label of the plane that objects stand on, which then is no object itself. Where it is not given, a label that is a large plane
+    /// under the others is recognised.
+    pub support_label: Option<u16>,
+    /// The direction in which things fall, in the camera frame, where it is known; a plane within 15° of level corrects it.
+    pub gravity: Option<Unit<Vector3<f64>>>,
+    /// What is known of voxels below the support plane.
+    pub below_support: BelowSupport,
+}
+
+/// What is known of voxels below the support plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BelowSupport {
+    /// Nothing of an object that stands on the plane is there.
+    #[default]
+    Empty,
+    /// What the image says: mostly nothing.
+    Unknown,
+}
+
+impl GridOptions {
+    /// Grids of `dims`, everything else as by default.
+    pub fn new(dims: [usize; 3]) -> Self {
+        Self {
+            dims,
+            sensor: SensorModel::default(),
+            placement: Placement::default(),
+            segmentation: Segmentation::Labels,
+            support_label: None,
+            gravity: None,
+            below_support: BelowSupport::default(),
+        }
+    }
+}
+
+/// Why an object has no grid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NoGrid {
+    /// Neither gravity nor a plane says what is up.
+    #[error(
+        "object {object}: what is up is not known, as no plane that objects could stand on was found: give gravity (--gravity), or the label of the plane (--support-label)"
+    )]
+    NoUp {
+        /// Label of the object.
+        object: u16,
+    },
+    /// There is no place for it.
+    #[error(transparent)]
+    NoPlace(#[from] PlacementError),
+}
+
+/// What cuts an object off in the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cut {
+    /// It touches the border of the image, or of what the sensor sees of it.
+    pub border: bool,
+    /// Something nearer hides a part of it.
+    pub occluder: bool,
+}
+
+/// What was found out about an object's readings.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Quality {
+    /// Readings that are the object's own.
+    pub readings: usize,
+    /// Share of the mask's readings that are the support plane's.
+    pub share_support: f64,
+    /// Share that flies between surfaces.
+    pub share_edge: f64,
+    /// Share in pieces that lie apart.
+    pub share_far: f64,
+    /// Standard deviation of the surface after consensus, metres.
+    pub surface_deviation_m: f64,
+    /// What cuts it off.
+    pub cut: Cut,
+}
+
+/// A grid about an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObservedGrid {
+    /// Where it lies.
+    pub grid: Grid,
+    /// The plane that the object stands on.
+    pub support: Option<Plane>,
+    /// How far the surface may be from the truth, after consensus.
+    pub sensor: SensorModel,
+    /// What was found out about the readings.
+    pub quality: Quality,
+}
+
+/// One object of a frame.
+#[derive(Clone, Debug)]
+pub struct ObjectGrid {
+    /// Its label.
+    pub object: u16,
+    /// Its grid, or why there is none.
+    pub grid: Result<ObservedGrid, NoGrid>,
+}
+
+/// What was found in a frame.
+#[derive(Clone, Debug)]
+pub struct FrameGrids {
+    intrinsics: Intrinsics,
+    depth: Vec<f32>,
+    labels: Vec<u16>,
+    sensor: SensorModel,
+    below_support: BelowSupport,
+    /// What is up in the camera frame.
+    pub up: Option<Unit<Vector3<f64>>>,
+    /// Planes that objects stand on, the main one first.
+    pub supports: Vec<Plane>,
+    /// Labels that are a support and no object.
+    pub support_labels: Vec<u16>,
+    /// How far the given direction up was from the plane's normal, radians, where one corrected it.
+    pub corrected_rad: Option<f64>,
+    /// Every object that has a pixel, ascending by label.
+    pub objects: Vec<ObjectGrid>,
+}
+
+impl FrameGrids {
+    /// How far single readings may be from the surface.
+    pub fn sensor(&self) -> SensorModel {
+        self.sensor
+    }
+
+    /// The readings that the grids are carved from, metres, row by row: without those that fly between surfaces.
+    pub fn depth(&self) -> &[f32] {
+        &self.depth
+    }
+
+    /// The object that each of these readings belongs to; 0: none.
+    pub fn labels(&self) -> &[u16] {
+        &self.labels
+    }
+
+    /// Every object with what carves its grid, or why it has none; ascending by label.
+    pub fn carvers(&self) -> impl Iterator<Item = (u16, Result<Carver<'_>, &NoGrid>)> {
+        self.objects.iter().map(|object| (object.object, object.grid.as_ref().map(|observed| self.carver(object.object, observed))))
+    }
+
+    /// What carves a grid of this frame.
+    pub fn carver(&self, object: u16, observed: &ObservedGrid) -> Carver<'_> {
+        let frame = Frame::new(&self.intrinsics, &self.depth, &self.labels).expect("the images have the camera's size");
+        let support = observed.support.filter(|_| self.below_support == BelowSupport::Empty);
+        Carver { frame, object, sensor: observed.sensor, support, grid: observed.grid }
+    }
+}
+
+/// The grids of one frame by itself: see [`Observer::observe`], which keeps what lasts from frame to frame.
+pub fn lay_grids(frame: Frame<'_>, options: &GridOptions) -> FrameGrids {
+    Observer::new(*options).observe(&frame)
+}
+
+/// The middle depth of some pixels, metres.
+fn middle_depth(depth: &[f32], pixels: &[u32]) -> f64 {
+    let some: Vec<f32> = pixels.iter().step_by(pixels.len().div_ceil(400).max(1)).map(|pixel| depth[*pixel as usize]).collect();
+    f64::from(percentile(&some, 0.5))
+}
+
+/// Turns frames into grids; keeps what lasts from frame to frame.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    options: GridOptions,
+    rays: Option<Rays>,
+    state: Vec<u8>,
+}
+
+impl Observer {
+    /// With these options.
+    pub fn new(options: GridOptions) -> Self {
+        Self { options, rays: None, state: Vec::new() }
+    }
+
+    /// The options.
+    pub fn options(&self) -> &GridOptions {
+        &self.options
+    }
+
+    fn prepare(&mut self, intrinsics: &Intrinsics) -> Rays {
+        match self.rays.take() {
+            Some(rays) if rays.intrinsics() == intrinsics => rays,
+            _ => Rays::new(intrinsics),
+        }
+    }
+
+    /// The label image of a frame without masks: each object that stands on a plane has one from 1 on.
+    pub fn segment_table(&mut self, intrinsics: &Intrinsics, depth: &[f32]) -> Vec<u16> {
+        let rays = self.prepare(intrinsics);
+        let depth: Vec<f32> = depth.iter().map(|z| if Frame::is_reading(*z) { *z } else { 0.0 }).collect();
+        let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
+        let supports = find_table(&rays, &depth, &self.options.sensor, &search);
+        let labels = match &supports {
+            Some(supports) => segment(&rays, &depth, &self.options.sensor, supports),
+            None => vec![0; depth.len()],
+        };
+        self.rays = Some(rays);
+        labels
+    }
+
+    /// Finds the supports, the objects and their own readings, and lays a grid about each. Nothing is carved yet: see
+    /// [`FrameGrids::carver`].
+    pub fn observe(&mut self, frame: &Frame<'_>) -> FrameGrids {
+        let own;
+        let options = self.options;
+        let labels = match options.segmentation {
+            Segmentation::Labels => frame.labels(),
+            Segmentation::Table => {
+                own = self.segment_table(frame.intrinsics(), frame.depths());
+                &own
+            }
+        };
+        let rays = self.prepare(frame.intrinsics());
+        let mut depth: Vec<f32> = frame.depths().iter().map(|z| if Frame::is_reading(*z) { *z } else { 0.0 }).collect();
+        self.state.resize(depth.len(), 0);
+        let segments = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
+        let scene = Scene { rays: &rays, depth: &depth, labels, sensor: &options.sensor, joint: Joint::new(&rays, &options.sensor) };
+        let search = SupportSearch { up: options.gravity.map(|gravity| -gravity), label: options.support_label.filter(|label| !segments.pixels(*label).is_empty()) };
+        let masks: Vec<(u16, &[u32])> = segments.objects(search.label).map(|object| (object, segments.pixels(object))).collect();
+        let supports = find_supports(&scene, &masks, &search).or_else(|| only_up(&search));
+        let support_labels = supports.as_ref().map_or_else(Vec::new, |supports| supports.labels.clone());
+        let mut cleaned = vec![0; depth.len()];
+        let mut flying = Vec::new();
+        let mut found = Vec::new();
+        for (object, mask) in masks.iter().filter(|(object, _)| support_labels.binary_search(object).is_err()) {
+            let local = supports.as_ref().and_then(|supports| local_support(&scene, mask, supports));
+            let readings = own_readings(&scene, mask, local.as_ref(), options.placement.least_readings.max(1), &mut self.state);
+            readings.pixels.iter().for_each(|pixel| cleaned[*pixel as usize] = *object);
+            flying.extend_from_slice(&readings.flying);
+            let quality = Quality {
+                readings: readings.pixels.len(),
+                share_support: readings.share_support,
+                share_edge: readings.share_edge,
+                share_far: readings.share_far,
+                ..Quality::default()
+            };
+            found.push((*object, local, quality));
+        }
+        flying.iter().for_each(|pixel| depth[*pixel as usize] = 0.0);
+        let up = supports.as_ref().map(|supports| supports.up);
+        let joint = Joint::new(&rays, &options.sensor);
+        let mut objects = Vec::with_capacity(found.len());
+        let segments = Segments::new(&Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size"));
+        let mut smooth = depth.clone();
+        for (object, local, mut quality) in found {
+            let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
+            let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
+                let up = up.ok_or(NoGrid::NoUp { object })?;
+                let support = local.as_ref().map(|local| &local.plane);
+                Ok(place_in(&clean, &segments, object, &up, support, &options.sensor, options.dims, &options.placement)?)
+            };
+            let grid = lay(up).map(|grid| {
+                let pixels = segments.pixels(object);
+                let middle = middle_depth(&depth, pixels);
+                let mut sensor = options.sensor;
+                // Where the voxels are coarser than the noise, there is nothing to gain.
+                if crate::knob!("CONS", 0.5) * sensor.half_band(middle) > 0.25 * grid.voxel_size_m() {
+                    let (z, left) = consensus(&depth, &cleaned, rays.width(), &joint, pixels);
+                    pixels.iter().zip(z).for_each(|(pixel, z)| smooth[*pixel as usize] = z);
+                    (sensor.constant_m, sensor.quadratic_per_m) = (sensor.constant_m * left, sensor.quadratic_per_m * left);
+                }
+                quality.surface_deviation_m = sensor.deviation(middle);
+                ObservedGrid { grid, support: local.map(|local| local.plane), sensor, quality }
+            });
+            objects.push(ObjectGrid { object, grid });
+        }
+        let depth = smooth;
+        let (supports, corrected_rad) =
+            supports.map_or_else(|| (Vec::new(), None), |found: Supports| (found.planes.iter().map(|p| p.plane).collect(), found.corrected_rad));
+        let grids = FrameGrids {
+            intrinsics: *frame.intrinsics(),
+            depth,
+            labels: cleaned,
+            sensor: options.sensor,
+            below_support: options.below_support,
+            up,
+            supports,
+            support_labels,
+            corrected_rad,
+            objects,
+        };
+        self.rays = Some(rays);
+        grids
+    }
+}
