@@ -5,19 +5,25 @@ mod output;
 
 mod align;
 mod answers;
+mod arguments;
+#[cfg(feature = "lab")]
 mod bench;
 mod camera;
+#[cfg(feature = "lab")]
 mod demo;
+#[cfg(feature = "lab")]
 mod eval;
 mod failure;
 mod generate;
 mod inspect;
+#[cfg(feature = "lab")]
 mod leave_one_out;
 mod logging;
 mod observe;
 mod perceive;
 mod pictures;
 mod progress;
+#[cfg(feature = "record")]
 mod record;
 mod reload;
 mod serve;
@@ -26,6 +32,7 @@ mod status;
 mod stop;
 mod train;
 mod watch;
+mod wording;
 
 pub use serve::Configuration;
 
@@ -64,9 +71,13 @@ enum Command {
     Observe(observe::Observe),
     Camera(camera::Camera),
     Watch(watch::Watch),
+    #[cfg(feature = "record")]
     Record(record::Record),
+    #[cfg(feature = "lab")]
     Demo(demo::Demo),
+    #[cfg(feature = "lab")]
     Eval(eval::Eval),
+    #[cfg(feature = "lab")]
     Bench(bench::Bench),
 }
 
@@ -102,9 +113,13 @@ pub fn run() -> ExitCode {
         Command::Observe(command) => command.run(),
         Command::Camera(command) => command.run(),
         Command::Watch(command) => command.run(),
+        #[cfg(feature = "record")]
         Command::Record(command) => command.run(),
+        #[cfg(feature = "lab")]
         Command::Demo(command) => command.run(),
+        #[cfg(feature = "lab")]
         Command::Eval(command) => command.run(),
+        #[cfg(feature = "lab")]
         Command::Bench(command) => command.run(),
     };
     match outcome {

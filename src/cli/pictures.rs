@@ -2,13 +2,13 @@
 
 use super::answers::{class_name, classes, hypotheses, posed};
 use super::failure::{Failure, cannot_write};
-use super::perceive::describe_pose;
+use super::wording::describe_pose;
 use crate::export::{GridPlacement, ply_of_points, ply_of_surface, points_of, save, surface_of};
-use crate::grid::{Dims, Observation, Rotation, from_xyzw};
-use crate::perception;
-use crate::picture::Perceived;
+use beo_core::grid::{Dims, Observation, Rotation, from_xyzw};
+use beo_core::perception;
 use beo_ipc::text::from_field;
 use beo_ipc::{Completion, CompletionFrame, Percept, Status};
+use beo_picture::Perceived;
 use clap::Args;
 use nalgebra::Vector3;
 use std::path::PathBuf;

@@ -4,7 +4,7 @@ use super::Clock;
 use super::file::{Channel, McapFile, RecordError, Recorded, Times};
 use super::messages::{About, completed_points, completion, frame_of, object, observed_points, pose_in_frame, transform};
 use crate::export::{GridPlacement, surface_of};
-use crate::grid::{Dims, Observation, from_xyzw};
+use beo_core::grid::{Dims, Observation, from_xyzw};
 use beo_ipc::{CompletionFrame, CompletionHeader, ObservationHeader, Percept, PerceptStatus};
 use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate, log};
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ pub const TOPICS: [&str; 8] =
     ["/beo/observation", "/beo/completion", "/beo/object", "/beo/pose", "/tf", "/beo/log", "/beo/percept", "/beo/completion_points"];
 
 /// What a percept is in JSON, as far as it is the same in every release.
-const PERCEPT_SCHEMA: &str = r#"{"title":"beo.Percept","type":"object","properties":{"sequence":{"type":"integer"},"latency_us":{"type":"number"},"class":{"type":["string","null"]},"posterior":{"type":"object","additionalProperties":{"type":"number"}},"hypotheses":{"type":"array","items":{"type":"object","properties":{"rotation":{"type":"array","items":{"type":"number"}},"class":{"type":"string"},"probability":{"type":"number"}}}},"rotation_spread_rad":{"type":"number"},"refused":{"type":"string"},"completion":{"type":["object","null"]}}}"#;
+const PERCEPT_SCHEMA: &str = r#"{"title":"beo.Percept","type":"object","properties":{"sequence":{"type":"integer"},"latency_us":{"type":"number"},"class":{"type":["string","null"]},"posterior":{"type":"object","additionalProperties":{"type":"number"}},"hypotheses":{"type":"array","items":{"type":"object","properties":{"rotation":{"type":"array","items":{"type":"number"}},"class":{"type":"string"},"probability":{"type":"number"}}}},"rotation_spread_rad":{"type":"number"},"log_score":{"type":"object","additionalProperties":{"type":"number"}},"none_probability":{"type":["number","null"]},"fit":{"type":["number","null"]},"resting_pose":{"type":["integer","null"]},"filtered":{"type":"boolean"},"cut":{"type":"array","items":{"type":"string"}},"answer_number":{"type":"integer"},"refused":{"type":"string"},"completion":{"type":["object","null"]}}}"#;
 
 /// Writes what is perceived into an MCAP file. Times are of CLOCK_MONOTONIC, nanoseconds, as in the messages; `now_ns` is when it was taken.
 pub struct Recorder {

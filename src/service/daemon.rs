@@ -8,8 +8,8 @@ use super::recipe::Recipe;
 use super::reload::{Reload, Reloaded};
 use super::sequences::Sequences;
 use super::streams::{Streams, Waiting};
-use crate::grid::ObservationError;
-use crate::model::Model;
+use beo_core::grid::ObservationError;
+use beo_core::model::Model;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
 use beo_ipc::{DaemonState, InstanceName, ObservationHeader, Percept, PerceptStatus, Refusal, Server, ServerOptions, Status};
@@ -173,8 +173,10 @@ impl Daemon {
         let failed = percept.status == PerceptStatus::Internal.code();
         if percept.status == PerceptStatus::Ok.code() {
             self.status.answered += 1;
+            self.status.answered_none += u64::from(percept.none_probability > 0.5);
         } else {
             self.status.refused += 1;
+            self.status.nothing_seen += u64::from(percept.status == PerceptStatus::NothingSeen.code());
         }
         if failed {
             self.status.failed += 1;

@@ -87,7 +87,7 @@ fn a_mask_is_one_object_however_it_was_saved() {
         png(&mask, colour, depth, &data);
         assert_twins(&replay(folder.path(), &[]), &twin, &format!("{colour:?} {depth:?}"));
     }
-    // Soft edges and noise: below a quarter of the largest value is nothing, however many the values.
+    // Soft edges and noise: below half of the largest value is nothing, however many the values.
     let soft = inside.iter().enumerate().map(|(i, inside)| if *inside { 200 + (i % 50) as u8 } else { (i % 60) as u8 });
     png(&mask, Grayscale, Eight, &soft.collect::<Vec<u8>>());
     assert_twins(&replay(folder.path(), &[]), &twin, "soft");

@@ -1,12 +1,13 @@
 //! Arguments of `beo camera`: what they are, which values they take, and the options of grids and observations that they stand for.
 
-use crate::camera::{BelowSupport, DepthAlong, FolderOptions, GridOptions, VoidLabels, farthest_m};
-use crate::cli::eval::PoseArgument;
+use crate::cli::arguments::PoseArgument;
 use crate::cli::failure::Failure;
-use crate::grid::Dims;
+use crate::frames::{DepthAlong, FolderOptions, VoidLabels, farthest_m};
+use beo_camera::{BelowSupport, GridOptions};
 use beo_camera::{Placement, SensorModel};
+use beo_core::grid::Dims;
 use beo_ipc::limits::NAME_LEN;
-use beo_ipc::{InstanceName, ObservationHeader, Outside, PoseSearch, ScaleSearch, View, tasks};
+use beo_ipc::{InstanceName, ObservationHeader, PoseSearch};
 use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
 use std::path::PathBuf;
@@ -221,7 +222,7 @@ impl Camera {
                 BelowArgument::Empty => BelowSupport::Empty,
                 BelowArgument::Unknown => BelowSupport::Unknown,
             },
-            ..GridOptions::new(dims)
+            ..GridOptions::new(dims.into())
         })
     }
 
@@ -232,15 +233,7 @@ impl Camera {
             PoseArgument::Yaw => PoseSearch::Yaw,
             PoseArgument::Full => PoseSearch::Full,
         };
-        ObservationHeader {
-            pose_search: pose.code(),
-            tasks: tasks::ALL,
-            view: View::Camera.code(),
-            outside: Outside::Unknown.code(),
-            scale_search: ScaleSearch::Search.code(),
-            known_side_m: self.known_side.unwrap_or(0.0) as f32,
-            ..ObservationHeader::new(dims)
-        }
+        ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
     }
 }
 

@@ -15,11 +15,11 @@ mod poses;
 mod replay;
 mod sink;
 
-use crate::camera::{FrameFolder, question_known_side};
 use crate::cli::failure::Failure;
 use crate::cli::observe::{first_status, seconds};
 use crate::cli::stop;
-use crate::grid::Dims;
+use crate::frames::{FrameFolder, question_known_side};
+use beo_core::grid::Dims;
 use beo_ipc::{Producer, Subscriber, SubscriberOptions};
 use std::time::Instant;
 
@@ -63,7 +63,7 @@ impl Camera {
                 let dims = Dims::new(x, y, z)?;
                 let producer = Producer::open_within(&self.instance, &self.template(status.dims), wait)?;
                 let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
-                let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none());
+                let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none(), self.known_side);
                 replay.play(&stop, &mut daemon)?;
                 let answers = daemon.finish()?;
                 say!("{}, {answers}", replay.summary());

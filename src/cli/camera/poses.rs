@@ -1,8 +1,8 @@
 //! Where the camera was in each frame, from a file.
 
-use crate::camera::{StampedPose, parse_trajectory};
 use crate::cli::failure::Failure;
-use crate::shapes::read_bytes;
+use crate::frames::{StampedPose, parse_trajectory};
+use beo_shapes::read_bytes;
 use std::path::Path;
 
 /// Poses of that many frames, in the order of their names.

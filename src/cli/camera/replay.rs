@@ -2,9 +2,9 @@
 
 use super::arguments::Camera;
 use super::sink::{Shown, Sink};
-use crate::camera::{CapturedFrame, FrameFolder, FrameGrids, FusedObjects, GridOptions, ObjectGrid, StampedPose};
-use crate::camera::{lay_grids, question_depth, question_size};
 use crate::cli::failure::Failure;
+use crate::frames::{CapturedFrame, FrameFolder, StampedPose, question_depth, question_size};
+use beo_camera::{FrameGrids, FusedObjects, GridOptions, ObjectGrid, lay_grids};
 use beo_ipc::clock::monotonic_ns;
 use nalgebra::Isometry3;
 use std::collections::BTreeSet;

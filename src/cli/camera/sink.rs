@@ -1,8 +1,7 @@
 //! Where grids go: the interface between the replay, which lays them, and the daemon or the folder that takes them.
 
 use crate::cli::failure::Failure;
-use beo_camera::{Carver, Grid};
-use beo_ipc::ObservationHeader;
+use beo_camera::Carver;
 
 /// What happens to a grid that was laid.
 pub(super) trait Sink {
@@ -25,33 +24,4 @@ pub(super) struct Shown<'a> {
     pub(super) stamp_ns: u64,
     /// Several views are one grid.
     pub(super) fused: bool,
-}
-
-/// Says where the grid lies in the camera frame.
-pub(super) fn place(header: &mut ObservationHeader, grid: &Grid) {
-    let motion = grid.grid_to_camera();
-    header.position_m = motion.translation.vector.into();
-    header.orientation = motion.rotation.coords.into();
-    header.voxel_size_m = grid.voxel_size_m() as f32;
-    header.sensor_position_m = grid.camera().coords.map(|metres| metres as f32).into();
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-
-    #[test]
-    fn the_header_says_where_the_grid_lies_in_the_camera_frame() {
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
-        let grid = Grid::new([8; 3], 0.01, Isometry3::from_parts(Translation3::new(0.1, -0.2, 0.9), turn)).unwrap();
-        let mut header = ObservationHeader::default();
-        place(&mut header, &grid);
-        assert_eq!((header.position_m, header.voxel_size_m), ([0.1, -0.2, 0.9], 0.01));
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        assert!(header.orientation.iter().zip([0.0, 0.0, half, half]).all(|(found, expected)| (found - expected).abs() < 1e-12));
-        // The camera's origin in the grid's frame: the quarter turn back of (-0.1, 0.2, -0.9).
-        let expected = [0.2, 0.1, -0.9];
-        assert!(header.sensor_position_m.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6));
-    }
 }
