@@ -81,8 +81,8 @@ impl Sink for Daemon {
 
 impl Daemon {
     /// Nothing is sent yet. `in_step`: the answers set the pace.
-    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool) -> Self {
-        Self { producer, subscriber, stop, in_step, pending: BTreeMap::new(), answers: Answers::default() }
+    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool, known_side_m: Option<f64>) -> Self {
+        Self { producer, subscriber, stop, in_step, known_side_m, pending: BTreeMap::new(), answers: Answers::default() }
     }
 
     /// Waits for the answers that are still to come.

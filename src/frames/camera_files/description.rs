@@ -1,8 +1,8 @@
 //! One camera as a file describes it, and the choice of it for images: which of several, rectified or raw, binned or cut out.
 
 use super::wrong;
-use beo_shapes::FormatError;
 use beo_camera::{Intrinsics, Lens};
+use beo_shapes::FormatError;
 
 /// A camera as its file has it.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -20,9 +20,9 @@ mod matrix;
 mod realsense;
 mod ros;
 
+use beo_camera::Intrinsics;
 use beo_core::text::printable;
 use beo_shapes::FormatError;
-use beo_camera::Intrinsics;
 pub use description::CameraChoice;
 use description::{Description, choose};
 use document::{LONGEST, Node};

@@ -1,8 +1,8 @@
 //! An image as depth in metres along the optical axis: units, codes for "no reading", range, and distances along the ray.
 
 use super::{Image, Raster, problem};
-use beo_shapes::FormatError;
 use beo_camera::{Intrinsics, SensorModel};
+use beo_shapes::FormatError;
 
 /// Metres per unit of depth images of whole numbers, where nothing else is said: millimetres.
 pub const MILLIMETRE: f64 = 0.001;

@@ -1,13 +1,7 @@
 //! NumPy arrays of rows × columns as images: floating-point metres, whole numbers of units, labels or masks.
 
-<<<<<<<< HEAD:src/frames/images/npy_image.rs
 use super::{Image, MOST_PIXELS, Raster, problem};
 use beo_shapes::{FormatError, check_npy_header};
-========
-use super::image::{MOST_PIXELS, problem};
-use super::{Image, Raster};
-use beo_shapes::{FormatError, check_npy_header};
->>>>>>>> main:src/frames/npy_image.rs
 use npyz::{Deserialize, NpyFile, NpyHeader, Order, TypeChar};
 
 const FORMAT: &str = "npy";

@@ -1,13 +1,7 @@
 //! PNG images: depth in 16 bits, labels in up to 16, masks in whatever a program writes.
 
-<<<<<<<< HEAD:src/frames/images/png_image.rs
 use super::{Image, Raster, check_size, problem};
 use beo_shapes::FormatError;
-========
-use super::image::{check_size, problem};
-use super::{Image, Raster};
-use beo_shapes::FormatError;
->>>>>>>> main:src/frames/png_image.rs
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 use std::io::Cursor;
 

@@ -2,14 +2,8 @@
 //!
 //! The directory is checked before the decoder sees it: it takes memory for as many values as an entry claims.
 
-<<<<<<<< HEAD:src/frames/images/tiff_image.rs
 use super::{Image, MOST_PIXELS, Raster, check_size, problem};
 use beo_shapes::FormatError;
-========
-use super::image::{MOST_PIXELS, check_size, problem};
-use super::{Image, Raster};
-use beo_shapes::FormatError;
->>>>>>>> main:src/frames/tiff_image.rs
 use std::io::Cursor;
 use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
