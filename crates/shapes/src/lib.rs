@@ -26,7 +26,7 @@ pub use binvox::{parse_binvox, write_binvox};
 pub use error::{FormatError, ReadError};
 pub use mesh::{Mesh, MeshError, Up};
 pub use npy::check_npy_header;
-pub use npy::{parse_npy, parse_npy_observation, write_npy_observation};
+pub use npy::{parse_npy, parse_npy_observation, write_npy_labels, write_npy_observation};
 pub use obj::parse_obj;
 pub use off::{parse_off, write_off};
 pub use ply::parse_ply;

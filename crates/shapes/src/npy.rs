@@ -40,6 +40,21 @@ pub fn write_npy_observation(out: &mut impl Write, observation: &Observation) ->
     writer.finish()
 }
 
+/// Writes a label image as a two-dimensional u16 array of `[height, width]`.
+///
+/// # Errors
+/// What the writer says, or that the labels are not one for each pixel.
+pub fn write_npy_labels(out: &mut impl Write, [width, height]: [usize; 2], labels: &[u16]) -> std::io::Result<()> {
+    if labels.len() != width * height {
+        let message = format!("{} labels for {width} × {height} pixels", labels.len());
+        return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, message));
+    }
+    let shape = [height as u64, width as u64];
+    let mut writer = npyz::WriteOptions::<u16>::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
+    writer.extend(labels.iter().copied())?;
+    writer.finish()
+}
+
 /// Size and one byte per voxel, in C order.
 fn array(bytes: &[u8]) -> Result<(Dims, Vec<u8>), FormatError> {
     check_npy_header(bytes, 3, "three axes x, y, z of 8 to 256 voxels").map_err(error)?;

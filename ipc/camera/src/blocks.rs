@@ -19,8 +19,6 @@ pub struct Block {
     pub scatter: f64,
     /// Readings over σ², relative to the sensor's deviation at 1 m.
     pub weight: f64,
-    /// Readings.
-    pub count: usize,
 }
 
 /// Share of a square's pixels that must have a reading.
@@ -91,5 +89,5 @@ fn fit(sums: &[f64; 10], [x0, y0]: [f64; 2], origin: f64, sensor: &SensorModel, 
     let centre = Vector3::new((mean_x + x0) * z, (mean_y + y0) * z, z);
     let weight = n * (reference / sensor.deviation(z)).powi(2);
     (scatter <= MOST_SCATTER && centre.iter().chain(normal.iter()).all(|v| v.is_finite()))
-        .then_some(Block { centre, normal, scatter, weight, count: n as usize })
+        .then_some(Block { centre, normal, scatter, weight })
 }

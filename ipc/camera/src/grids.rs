@@ -128,6 +128,7 @@ pub struct FrameGrids {
     intrinsics: Intrinsics,
     depth: Vec<f32>,
     labels: Vec<u16>,
+    segments: Option<Vec<u16>>,
     sensor: SensorModel,
     below_support: BelowSupport,
     /// What is up in the camera frame.
@@ -143,6 +144,16 @@ pub struct FrameGrids {
 }
 
 impl FrameGrids {
+    /// Pixels of a row and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.intrinsics.width(), self.intrinsics.height()].map(|side| side as usize)
+    }
+
+    /// The frame's own label image, where it was segmented by what stands on a table, before anything was taken away.
+    pub fn segments(&self) -> Option<&[u16]> {
+        self.segments.as_deref()
+    }
+
     /// How far single readings may be from the surface.
     pub fn sensor(&self) -> SensorModel {
         self.sensor
@@ -201,6 +212,11 @@ impl Observer {
         &self.options
     }
 
+    /// Where the objects of the next frames come from.
+    pub fn segment_by(&mut self, segmentation: Segmentation) {
+        self.options.segmentation = segmentation;
+    }
+
     fn prepare(&mut self, intrinsics: &Intrinsics) -> Rays {
         match self.rays.take() {
             Some(rays) if rays.intrinsics() == intrinsics => rays,
@@ -211,7 +227,7 @@ impl Observer {
     /// The label image of a frame without masks: each object that stands on a plane has one from 1 on.
     pub fn segment_table(&mut self, intrinsics: &Intrinsics, depth: &[f32]) -> Vec<u16> {
         let rays = self.prepare(intrinsics);
-        let depth: Vec<f32> = depth.iter().map(|z| if Frame::is_reading(*z) { *z } else { 0.0 }).collect();
+        let depth = rays.readings(depth);
         let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
         let supports = find_table(&rays, &depth, &self.options.sensor, &search);
         let labels = match &supports {
@@ -225,22 +241,19 @@ impl Observer {
     /// Finds the supports, the objects and their own readings, and lays a grid about each. Nothing is carved yet: see
     /// [`FrameGrids::carver`].
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameGrids {
-        let own;
         let options = self.options;
-        let labels = match options.segmentation {
-            Segmentation::Labels => frame.labels(),
-            Segmentation::Table => {
-                own = self.segment_table(frame.intrinsics(), frame.depths());
-                &own
-            }
+        let segments = match options.segmentation {
+            Segmentation::Labels => None,
+            Segmentation::Table => Some(self.segment_table(frame.intrinsics(), frame.depths())),
         };
+        let labels = segments.as_deref().unwrap_or(frame.labels());
         let rays = self.prepare(frame.intrinsics());
-        let mut depth: Vec<f32> = frame.depths().iter().map(|z| if Frame::is_reading(*z) { *z } else { 0.0 }).collect();
+        let mut depth = rays.readings(frame.depths());
         self.state.resize(depth.len(), 0);
-        let segments = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
+        let masked = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
         let scene = Scene { rays: &rays, depth: &depth, labels, sensor: &options.sensor, joint: Joint::new(&rays, &options.sensor) };
-        let search = SupportSearch { up: options.gravity.map(|gravity| -gravity), label: options.support_label.filter(|label| !segments.pixels(*label).is_empty()) };
-        let masks: Vec<(u16, &[u32])> = segments.objects(search.label).map(|object| (object, segments.pixels(object))).collect();
+        let search = SupportSearch { up: options.gravity.map(|gravity| -gravity), label: options.support_label.filter(|label| !masked.pixels(*label).is_empty()) };
+        let masks: Vec<(u16, &[u32])> = masked.objects(search.label).map(|object| (object, masked.pixels(object))).collect();
         let supports = find_supports(&scene, &masks, &search).or_else(|| only_up(&search));
         let support_labels = supports.as_ref().map_or_else(Vec::new, |supports| supports.labels.clone());
         let mut cleaned = vec![0; depth.len()];
@@ -264,17 +277,17 @@ impl Observer {
         let up = supports.as_ref().map(|supports| supports.up);
         let joint = Joint::new(&rays, &options.sensor);
         let mut objects = Vec::with_capacity(found.len());
-        let segments = Segments::new(&Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size"));
+        let own = Segments::new(&Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size"));
         let mut smooth = depth.clone();
         for (object, local, mut quality) in found {
             let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
             let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
                 let up = up.ok_or(NoGrid::NoUp { object })?;
                 let support = local.as_ref().map(|local| &local.plane);
-                Ok(place_in(&clean, &segments, object, &up, support, &options.sensor, options.dims, &options.placement)?)
+                Ok(place_in(&clean, &own, object, &up, support, &options.sensor, options.dims, &options.placement)?)
             };
             let grid = lay(up).map(|grid| {
-                let pixels = segments.pixels(object);
+                let pixels = own.pixels(object);
                 let middle = middle_depth(&depth, pixels);
                 let mut sensor = options.sensor;
                 // Where the voxels are coarser than the noise, there is nothing to gain.
@@ -295,6 +308,7 @@ impl Observer {
             intrinsics: *frame.intrinsics(),
             depth,
             labels: cleaned,
+            segments,
             sensor: options.sensor,
             below_support: options.below_support,
             up,

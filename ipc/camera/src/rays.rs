@@ -1,6 +1,6 @@
 //! The directions in which the pixels of a camera look, computed once per camera.
 
-use crate::Intrinsics;
+use crate::{Frame, Intrinsics};
 use nalgebra::Vector3;
 
 /// For every pixel the direction that it sees, with z = 1: a reading of z metres there is the point z times this.
@@ -18,9 +18,10 @@ impl Rays {
         let (mut x, mut y) = (Vec::with_capacity(width * height), Vec::with_capacity(width * height));
         for v in 0..height {
             for u in 0..width {
-                let ray = intrinsics.ray([u as f64, v as f64]);
-                x.push(ray.x as f32);
-                y.push(ray.y as f32);
+                // Pixels that the lens leaves dark show nothing.
+                let ray = intrinsics.unproject([u as f64, v as f64]).map_or([f32::NAN; 2], |ray| [ray.x as f32, ray.y as f32]);
+                x.push(ray[0]);
+                y.push(ray[1]);
             }
         }
         Self { intrinsics: *intrinsics, x, y }
@@ -49,6 +50,12 @@ impl Rays {
     /// Vertical components, row by row.
     pub fn y(&self) -> &[f32] {
         &self.y
+    }
+
+    /// Readings as they are looked at: 0 where there is none, and where the lens shows nothing.
+    pub fn readings(&self, depth: &[f32]) -> Vec<f32> {
+        let read = |(z, x): (&f32, &f32)| if Frame::is_reading(*z) && !x.is_nan() { *z } else { 0.0 };
+        depth.iter().zip(&self.x).map(read).collect()
     }
 
     /// The point that is `depth` metres away along the optical axis at a pixel.
