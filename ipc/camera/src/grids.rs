@@ -4,11 +4,13 @@
 use crate::carving::{Carver, Grid};
 use crate::joining::Joint;
 use crate::consensus::consensus;
+use crate::cut::{Cut, cut};
 use crate::own_readings::{Scene, own_readings, percentile};
 use crate::placement::{Placement, PlacementError, place_in};
 use crate::rays::Rays;
 use crate::segments::Segments;
 use crate::supports::{SupportSearch, Supports, find_supports, find_table, local_support, only_up};
+use crate::tracking::SegmentTracks;
 use crate::tables::{Segmentation, segment};
 use crate::{Frame, Intrinsics, Plane, SensorModel};
 use nalgebra::{Unit, Vector3};
@@ -72,15 +74,6 @@ pub enum NoGrid {
     /// There is no place for it.
     #[error(transparent)]
     NoPlace(#[from] PlacementError),
-}
-
-/// What cuts an object off in the image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cut {
-    /// It touches the border of the image, or of what the sensor sees of it.
-    pub border: bool,
-    /// Something nearer hides a part of it.
-    pub occluder: bool,
 }
 
 /// What was found out about an object's readings.
@@ -199,12 +192,13 @@ pub struct Observer {
     options: GridOptions,
     rays: Option<Rays>,
     state: Vec<u8>,
+    tracks: SegmentTracks,
 }
 
 impl Observer {
     /// With these options.
     pub fn new(options: GridOptions) -> Self {
-        Self { options, rays: None, state: Vec::new() }
+        Self { options, rays: None, state: Vec::new(), tracks: SegmentTracks::default() }
     }
 
     /// The options.
@@ -224,16 +218,18 @@ impl Observer {
         }
     }
 
-    /// The label image of a frame without masks: each object that stands on a plane has one from 1 on.
+    /// The label image of a frame without masks: each object that stands on a plane has a label from 1 on, the one that it had in the
+    /// frame before; all are 0 where there is no plane. `depth` has a value for each pixel of the camera, metres.
     pub fn segment_table(&mut self, intrinsics: &Intrinsics, depth: &[f32]) -> Vec<u16> {
         let rays = self.prepare(intrinsics);
         let depth = rays.readings(depth);
         let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
         let supports = find_table(&rays, &depth, &self.options.sensor, &search);
-        let labels = match &supports {
+        let mut labels = match &supports {
             Some(supports) => segment(&rays, &depth, &self.options.sensor, supports),
             None => vec![0; depth.len()],
         };
+        self.tracks.renumber(&rays, &depth, &mut labels);
         self.rays = Some(rays);
         labels
     }
@@ -291,11 +287,12 @@ impl Observer {
                 let middle = middle_depth(&depth, pixels);
                 let mut sensor = options.sensor;
                 // Where the voxels are coarser than the noise, there is nothing to gain.
-                if crate::knob!("CONS", 0.5) * sensor.half_band(middle) > 0.25 * grid.voxel_size_m() {
+                if sensor.half_band(middle) > 0.5 * grid.voxel_size_m() {
                     let (z, left) = consensus(&depth, &cleaned, rays.width(), &joint, pixels);
                     pixels.iter().zip(z).for_each(|(pixel, z)| smooth[*pixel as usize] = z);
                     (sensor.constant_m, sensor.quadratic_per_m) = (sensor.constant_m * left, sensor.quadratic_per_m * left);
                 }
+                quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, pixels);
                 quality.surface_deviation_m = sensor.deviation(middle);
                 ObservedGrid { grid, support: local.map(|local| local.plane), sensor, quality }
             });

@@ -106,9 +106,9 @@ fn attempt(
     let mut found = OwnReadings::default();
     let mut low = Vec::new();
     if let Some(support) = support {
-        let least = crate::knob!("LEASTH", LEAST_HEIGHT_M).max(crate::knob!("LEASTD", LEAST_DEVIATIONS) * support.deviation_m) as f32;
+        let least = LEAST_HEIGHT_M.max(LEAST_DEVIATIONS * support.deviation_m) as f32;
         let top = percentile(heights, 0.95);
-        let foot = if strict { least } else { least.max((crate::knob!("FSHARE", FOOT_SHARE) as f32 * top).min(crate::knob!("FOOT", FOOT_M) as f32)) };
+        let foot = if strict { least } else { least.max((FOOT_SHARE as f32 * top).min(FOOT_M as f32)) };
         for (pixel, h) in mask.iter().zip(heights) {
             state[*pixel as usize] = if *h > foot { HIGH } else { LOW };
         }
@@ -149,7 +149,7 @@ fn attempt(
             let z = scene.depth[*pixel as usize];
             let joined = |other: &usize| matches!(state[*other], HIGH | FLYING) && scene.joint.joins(z, scene.depth[*other]);
             state[*pixel as usize] == HIGH
-                && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < crate::knob!("NEIGH", LEAST_NEIGHBOURS as f64) as usize
+                && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < LEAST_NEIGHBOURS
         })
         .collect();
     flying.iter().for_each(|pixel| state[*pixel as usize] = FLYING);
