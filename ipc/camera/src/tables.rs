@@ -4,7 +4,7 @@
 //! space are one object: the far wall of a bowl and its near one.
 
 use crate::SensorModel;
-use crate::joining::{Joint, Piece, nearest, pieces, samples};
+use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
 use crate::rays::Rays;
 use crate::supports::Supports;
 use nalgebra::Vector3;
@@ -29,6 +29,10 @@ const LEAST_PIECE: usize = 12;
 /// Pieces nearer to each other than this are one object, metres, or than so many pixels.
 const GAP_M: f32 = 0.012;
 const GAP_PIXELS: f32 = 4.0;
+/// Steps by which the cores of pieces grow.
+const GROWTH: usize = 4;
+/// A piece that is larger, as a share of the other, is an object of its own, however near.
+const PART: f64 = 0.3;
 /// Pieces that are compared, at most: the largest.
 const MOST_PIECES: usize = 150;
 /// Readings of an object at least.
@@ -54,7 +58,7 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
         }
     }
     let joint = Joint::new(rays, sensor);
-    let found = pieces(rays, depth, &joint, &wanted, &mut state, 1, 2);
+    let found = pieces_by_core(rays, depth, &joint, &wanted, &mut state);
     let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
     let mut next = 1_u16;
     for piece in found {
@@ -64,7 +68,82 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
         piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
         next = next.saturating_add(1);
     }
+    fill_enclosed(&mut labels, rays.width(), rays.height());
     labels
+}
+
+const WANTED: u8 = 1;
+const CORE: u8 = 2;
+const DONE: u8 = 3;
+
+/// Pieces whose readings hang together through readings that are joined to all their neighbours, with what borders on them: so that what
+/// is smeared between two objects does not bridge them. What is too thin for that makes pieces of its own.
+fn pieces_by_core(rays: &Rays, depth: &[f32], joint: &Joint, wanted: &[u32], state: &mut [u8]) -> Vec<Piece> {
+    let (width, height) = (rays.width(), rays.height());
+    let is_core = |state: &[u8], pixel: usize| {
+        let z = depth[pixel];
+        let joined = |other: &usize| state[*other] == WANTED && joint.joins(z, depth[*other]);
+        neighbours(EIGHT, pixel, width, height).filter(joined).count() == EIGHT.len()
+    };
+    let core: Vec<u32> = wanted.iter().copied().filter(|pixel| is_core(state, *pixel as usize)).collect();
+    core.iter().for_each(|pixel| state[*pixel as usize] = CORE);
+    let mut found = pieces(rays, depth, joint, &core, state, CORE, DONE);
+    // All grow by the same number of steps, so that each gets what is nearest to it.
+    let mut fronts: Vec<Vec<u32>> = found.iter().map(|piece| piece.pixels.clone()).collect();
+    for _ in 0..GROWTH {
+        for (piece, front) in found.iter_mut().zip(&mut fronts) {
+            let mut next = Vec::new();
+            for pixel in front.iter() {
+                for other in neighbours(EIGHT, *pixel as usize, width, height) {
+                    if state[other] == WANTED && joint.joins(depth[*pixel as usize], depth[other]) {
+                        state[other] = DONE;
+                        next.push(other as u32);
+                    }
+                }
+            }
+            piece.pixels.extend_from_slice(&next);
+            *front = next;
+        }
+    }
+    found.extend(pieces(rays, depth, joint, wanted, state, WANTED, DONE));
+    found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
+    found
+}
+
+/// Gives what is enclosed by one segment to it: the floor of a bowl, the middle of a plate, holes without reading.
+fn fill_enclosed(labels: &mut [u16], width: usize, height: usize) {
+    let mut sizes = vec![0_usize; usize::from(u16::MAX) + 1];
+    labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
+    let mut seen = vec![false; labels.len()];
+    for start in 0..labels.len() {
+        if seen[start] || labels[start] != 0 {
+            continue;
+        }
+        seen[start] = true;
+        let mut region = vec![start];
+        let (mut next, mut around, mut is_open) = (0, None, false);
+        while let Some(pixel) = region.get(next).copied() {
+            next += 1;
+            let (u, v) = (pixel % width, pixel / width);
+            is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height;
+            for other in neighbours(FOUR, pixel, width, height) {
+                match labels[other] {
+                    0 if !seen[other] => {
+                        seen[other] = true;
+                        region.push(other);
+                    }
+                    0 => {}
+                    label => {
+                        is_open |= around.is_some_and(|known| known != label);
+                        around = Some(label);
+                    }
+                }
+            }
+        }
+        if let Some(label) = around.filter(|label| !is_open && region.len() < 2 * sizes[usize::from(*label)]) {
+            region.iter().for_each(|pixel| labels[*pixel] = label);
+        }
+    }
 }
 
 /// Pieces that are near each other in space, as one; the largest first.
@@ -85,7 +164,8 @@ fn merged(rays: &Rays, depth: &[f32], mut pieces: Vec<Piece>) -> Vec<Piece> {
         for j in 0..i {
             let near = GAP_M.max(GAP_PIXELS * rays.pitch(boxes[i][0].z.max(boxes[j][0].z)));
             let apart = (boxes[i][0] - boxes[j][1]).sup(&(boxes[j][0] - boxes[i][1])).max();
-            if root[i] == root[j] || apart > near {
+            let is_part = (pieces[i].pixels.len() as f64) < PART * pieces[j].pixels.len() as f64;
+            if root[i] == root[j] || apart > near || !is_part {
                 continue;
             }
             if nearest(&points[i], &points[j]).is_some_and(|(distance, _)| distance < near) {
