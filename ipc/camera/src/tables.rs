@@ -29,6 +29,10 @@ const LEAST_PIECE: usize = 12;
 /// Pieces nearer to each other than this are one object, metres, or than so many pixels.
 const GAP_M: f32 = 0.012;
 const GAP_PIXELS: f32 = 4.0;
+/// Share of the edge of a region without reading that must lie at its object.
+const BESIDE_SHARE: f64 = 0.25;
+/// A region is given to a segment that has at least this part of its pixels.
+const MOST_FILL: usize = 4;
 /// Steps by which the cores of pieces grow.
 const GROWTH: usize = 4;
 /// A piece that is larger, as a share of the other, is an object of its own, however near.
@@ -68,7 +72,10 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
         piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
         next = next.saturating_add(1);
     }
-    fill_enclosed(&mut labels, rays.width(), rays.height());
+    let size = [rays.width(), rays.height()];
+    // Dark and glossy sides have no reading: they belong to the one object that they lie at.
+    fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
+    fill(&mut labels, size, |_| true, 1.0);
     labels
 }
 
@@ -110,37 +117,41 @@ fn pieces_by_core(rays: &Rays, depth: &[f32], joint: &Joint, wanted: &[u32], sta
     found
 }
 
-/// Gives what is enclosed by one segment to it: the floor of a bowl, the middle of a plate, holes without reading.
-fn fill_enclosed(labels: &mut [u16], width: usize, height: usize) {
+/// Gives regions of free pixels to the segment that borders on them along at least a share of their edge, if no other does and they do not
+/// reach the border of the image; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
+fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize) -> bool, least_share: f64) {
     let mut sizes = vec![0_usize; usize::from(u16::MAX) + 1];
     labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
     let mut seen = vec![false; labels.len()];
     for start in 0..labels.len() {
-        if seen[start] || labels[start] != 0 {
+        if seen[start] || labels[start] != 0 || !is_free(start) {
             continue;
         }
         seen[start] = true;
         let mut region = vec![start];
         let (mut next, mut around, mut is_open) = (0, None, false);
+        let (mut edge, mut beside) = (0_usize, 0_usize);
         while let Some(pixel) = region.get(next).copied() {
             next += 1;
             let (u, v) = (pixel % width, pixel / width);
             is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height;
             for other in neighbours(FOUR, pixel, width, height) {
                 match labels[other] {
+                    0 if !is_free(other) => edge += 1,
                     0 if !seen[other] => {
                         seen[other] = true;
                         region.push(other);
                     }
                     0 => {}
                     label => {
+                        (edge, beside) = (edge + 1, beside + 1);
                         is_open |= around.is_some_and(|known| known != label);
                         around = Some(label);
                     }
                 }
             }
         }
-        if let Some(label) = around.filter(|label| !is_open && region.len() < 2 * sizes[usize::from(*label)]) {
+        if let Some(label) = around.filter(|label| !is_open && beside as f64 >= least_share * edge as f64 && region.len() < MOST_FILL * sizes[usize::from(*label)]) {
             region.iter().for_each(|pixel| labels[*pixel] = label);
         }
     }
