@@ -4,8 +4,8 @@
 //! In a square, the inverse depth 1/z = A x + B y + C is fitted to the directions (x, y, 1) by least squares: this is the plane
 //! (A, B, C) · p = 1, and the errors of stereo and structured light are alike in inverse depth at all distances.
 
-use crate::rays::Rays;
 use crate::SensorModel;
+use crate::rays::Rays;
 use nalgebra::{Matrix3, Vector3};
 
 /// A square with a flat surface.
@@ -88,6 +88,10 @@ fn fit(sums: &[f64; 10], [x0, y0]: [f64; 2], origin: f64, sensor: &SensorModel, 
     let normal = -plane.try_normalize(1e-9)?;
     let centre = Vector3::new((mean_x + x0) * z, (mean_y + y0) * z, z);
     let weight = n * (reference / sensor.deviation(z)).powi(2);
-    (scatter <= MOST_SCATTER && centre.iter().chain(normal.iter()).all(|v| v.is_finite()))
-        .then_some(Block { centre, normal, scatter, weight })
+    (scatter <= MOST_SCATTER && centre.iter().chain(normal.iter()).all(|v| v.is_finite())).then_some(Block {
+        centre,
+        normal,
+        scatter,
+        weight,
+    })
 }

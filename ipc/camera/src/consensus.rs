@@ -8,8 +8,7 @@
 use crate::joining::Joint;
 
 /// Half of the offsets (down, right) within two pixels; the others lie opposite.
-const PAIRS: [[isize; 2]; 12] =
-    [[0, 1], [1, -1], [1, 0], [1, 1], [0, 2], [1, -2], [1, 2], [2, -2], [2, -1], [2, 0], [2, 1], [2, 2]];
+const PAIRS: [[isize; 2]; 12] = [[0, 1], [1, -1], [1, 0], [1, 1], [0, 2], [1, -2], [1, 2], [2, -2], [2, -1], [2, 0], [2, 1], [2, 2]];
 
 /// The consensus at `pixels` of one object in a raw depth image of that width: depths, and the median share that is left of a reading's
 /// deviation.

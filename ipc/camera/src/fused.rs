@@ -71,7 +71,12 @@ impl FusedObject {
     }
 
     /// Its grid in a frame; `now` is what that frame alone says.
-    fn observed(&self, now: Option<ObservedGrid>, sensor: SensorModel, camera_to_world: &Isometry3<f64>) -> Result<ObservedGrid, GridError> {
+    fn observed(
+        &self,
+        now: Option<ObservedGrid>,
+        sensor: SensorModel,
+        camera_to_world: &Isometry3<f64>,
+    ) -> Result<ObservedGrid, GridError> {
         let world_to_camera = camera_to_world.inverse();
         let grid = Grid::new(self.dims, self.voxel_size_m, world_to_camera * self.grid_to_world)?;
         let support = self.support.map(|plane| moved(&plane, &world_to_camera));

@@ -2,16 +2,16 @@
 //! supports, segments (the user's masks or the frame's own), own readings, places; carving follows in the caller's memory.
 
 use crate::carving::{Carver, Grid};
-use crate::joining::Joint;
 use crate::consensus::consensus;
 use crate::cut::{Cut, cut};
+use crate::joining::Joint;
 use crate::own_readings::{Scene, own_readings, percentile};
 use crate::placement::{Placement, PlacementError, place_in};
 use crate::rays::Rays;
 use crate::segments::Segments;
 use crate::supports::{SupportSearch, Supports, find_supports, find_table, local_support, only_up};
-use crate::tracking::SegmentTracks;
 use crate::tables::{Segmentation, segment};
+use crate::tracking::SegmentTracks;
 use crate::{Frame, Intrinsics, Plane, SensorModel};
 use nalgebra::{Unit, Vector3};
 
@@ -248,7 +248,10 @@ impl Observer {
         self.state.resize(depth.len(), 0);
         let masked = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
         let scene = Scene { rays: &rays, depth: &depth, labels, sensor: &options.sensor, joint: Joint::new(&rays, &options.sensor) };
-        let search = SupportSearch { up: options.gravity.map(|gravity| -gravity), label: options.support_label.filter(|label| !masked.pixels(*label).is_empty()) };
+        let search = SupportSearch {
+            up: options.gravity.map(|gravity| -gravity),
+            label: options.support_label.filter(|label| !masked.pixels(*label).is_empty()),
+        };
         let masks: Vec<(u16, &[u32])> = masked.objects(search.label).map(|object| (object, masked.pixels(object))).collect();
         let supports = find_supports(&scene, &masks, &search).or_else(|| only_up(&search));
         let support_labels = supports.as_ref().map_or_else(Vec::new, |supports| supports.labels.clone());
@@ -299,8 +302,8 @@ impl Observer {
             objects.push(ObjectGrid { object, grid });
         }
         let depth = smooth;
-        let (supports, corrected_rad) =
-            supports.map_or_else(|| (Vec::new(), None), |found: Supports| (found.planes.iter().map(|p| p.plane).collect(), found.corrected_rad));
+        let (supports, corrected_rad) = supports
+            .map_or_else(|| (Vec::new(), None), |found: Supports| (found.planes.iter().map(|p| p.plane).collect(), found.corrected_rad));
         let grids = FrameGrids {
             intrinsics: *frame.intrinsics(),
             depth,

@@ -1,7 +1,7 @@
 //! Which neighbouring readings lie on one surface, and the pieces that such readings form.
 
-use crate::rays::Rays;
 use crate::SensorModel;
+use crate::rays::Rays;
 use nalgebra::Vector3;
 
 /// A step between neighbours is none below this, metres.

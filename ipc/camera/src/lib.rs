@@ -47,10 +47,10 @@ mod tables;
 mod tracking;
 
 pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};
+pub use cut::Cut;
 pub use frame::{Frame, FrameError};
 pub use fused::FusedObjects;
 pub use fusion::{Fusion, FusionError};
-pub use cut::Cut;
 pub use grids::{BelowSupport, FrameGrids, GridOptions, NoGrid, ObjectGrid, ObservedGrid, Observer, Quality, lay_grids};
 pub use intrinsics::{Intrinsics, IntrinsicsError};
 pub use lens::Lens;
@@ -58,5 +58,5 @@ pub use parallel::carve;
 pub use placement::{Placement, PlacementError, place, place_in};
 pub use segments::Segments;
 pub use sensor::{SensorModel, SensorModelError};
-pub use tables::Segmentation;
 pub use support::{Plane, PlaneSearch, fit_support, fit_support_in, up_axis};
+pub use tables::Segmentation;

@@ -148,8 +148,7 @@ fn attempt(
         .filter(|pixel| {
             let z = scene.depth[*pixel as usize];
             let joined = |other: &usize| matches!(state[*other], HIGH | FLYING) && scene.joint.joins(z, scene.depth[*other]);
-            state[*pixel as usize] == HIGH
-                && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < LEAST_NEIGHBOURS
+            state[*pixel as usize] == HIGH && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < LEAST_NEIGHBOURS
         })
         .collect();
     flying.iter().for_each(|pixel| state[*pixel as usize] = FLYING);

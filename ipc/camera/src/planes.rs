@@ -3,9 +3,9 @@
 //! Every square weighs 1/σ² of its distance, so that a background far away neither tilts a near table nor wins over it, and counts as the
 //! plane's only if its own normal agrees. Triples come from a fixed low-discrepancy sequence: the same frame gives the same planes.
 
+use crate::SensorModel;
 use crate::blocks::Block;
 use crate::support::Plane;
-use crate::SensorModel;
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, Vector3};
 
 /// A plane with what speaks for it.
@@ -50,7 +50,8 @@ pub fn find_planes(blocks: &[Block], sensor: &SensorModel, most: usize, allowed:
             break;
         }
         // What is left of a curved or stepped plane is no plane of its own.
-        let own: Vec<usize> = free.iter().copied().filter(|i| plane.height(&blocks[*i].centre.into()).abs() < 2.0 * near_m(&blocks[*i], sensor)).collect();
+        let own: Vec<usize> =
+            free.iter().copied().filter(|i| plane.height(&blocks[*i].centre.into()).abs() < 2.0 * near_m(&blocks[*i], sensor)).collect();
         free.retain(|i| own.binary_search(i).is_err());
         if allowed(&plane.normal()) {
             let mut scatters: Vec<f64> = near.iter().map(|i| blocks[*i].scatter).collect();
@@ -72,19 +73,12 @@ pub fn is_near(block: &Block, plane: &Plane, sensor: &SensorModel) -> bool {
     plane.height(&block.centre.into()).abs() < near_m(block, sensor) && plane.normal().dot(&block.normal) > ALIKE
 }
 
-fn best_of_triples(
-    blocks: &[Block],
-    free: &[usize],
-    sensor: &SensorModel,
-    allowed: &impl Fn(&Vector3<f64>) -> bool,
-) -> Option<Plane> {
+fn best_of_triples(blocks: &[Block], free: &[usize], sensor: &SensorModel, allowed: &impl Fn(&Vector3<f64>) -> bool) -> Option<Plane> {
     // Fractional parts of multiples of these are spread evenly over a cube (the R₃ sequence: powers of the root of x⁴ = x + 1).
     const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_97];
     let judges: Vec<&Block> = free.iter().step_by(free.len().div_ceil(JUDGES)).map(|i| &blocks[*i]).collect();
-    let judged: Vec<(Vector3<f32>, Vector3<f32>, f32, f32)> = judges
-        .iter()
-        .map(|block| (block.centre.cast(), block.normal.cast(), near_m(block, sensor) as f32, block.weight as f32))
-        .collect();
+    let judged: Vec<(Vector3<f32>, Vector3<f32>, f32, f32)> =
+        judges.iter().map(|block| (block.centre.cast(), block.normal.cast(), near_m(block, sensor) as f32, block.weight as f32)).collect();
     let pick = |i: u32, axis: usize| {
         let share = ((f64::from(i) + 1.0) * STEPS[axis]).fract();
         &blocks[free[((share * free.len() as f64) as usize).min(free.len() - 1)]]

@@ -247,6 +247,8 @@ pub fn find_table(rays: &Rays, depth: &[f32], sensor: &SensorModel, search: &Sup
             && merits[*i] >= 0.35 * merits[first]
             && extent(&blocks, &planes[*i]) >= 0.3
     };
-    let best = (0..planes.len()).filter(|i| *i == first || is_rival(i)).min_by(|a, b| planes[*a].plane.offset().total_cmp(&planes[*b].plane.offset()))?;
+    let best = (0..planes.len())
+        .filter(|i| *i == first || is_rival(i))
+        .min_by(|a, b| planes[*a].plane.offset().total_cmp(&planes[*b].plane.offset()))?;
     Some(chosen(planes, best, search.up, Vec::new()))
 }

@@ -151,7 +151,9 @@ fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize)
                 }
             }
         }
-        if let Some(label) = around.filter(|label| !is_open && beside as f64 >= least_share * edge as f64 && region.len() < MOST_FILL * sizes[usize::from(*label)]) {
+        if let Some(label) = around
+            .filter(|label| !is_open && beside as f64 >= least_share * edge as f64 && region.len() < MOST_FILL * sizes[usize::from(*label)])
+        {
             region.iter().for_each(|pixel| labels[*pixel] = label);
         }
     }

@@ -66,7 +66,8 @@ impl SegmentTracks {
                 taken.insert(self.last);
             }
         }
-        self.known = (1..=count).filter(|label| sums[*label].0 > 0).map(|label| (numbers[label], sums[label].0, middle(label as u16))).collect();
+        self.known =
+            (1..=count).filter(|label| sums[*label].0 > 0).map(|label| (numbers[label], sums[label].0, middle(label as u16))).collect();
         labels.iter_mut().for_each(|label| *label = numbers[usize::from(*label)]);
         self.labels.clear();
         self.labels.extend_from_slice(labels);

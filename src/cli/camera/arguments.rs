@@ -3,7 +3,7 @@
 use crate::cli::arguments::PoseArgument;
 use crate::cli::failure::Failure;
 use crate::frames::{DepthAlong, FolderOptions, VoidLabels, farthest_m};
-use beo_camera::{BelowSupport, Segmentation, GridOptions};
+use beo_camera::{BelowSupport, GridOptions, Segmentation};
 use beo_camera::{Placement, SensorModel};
 use beo_core::grid::Dims;
 use beo_ipc::limits::NAME_LEN;
@@ -198,7 +198,9 @@ impl Camera {
             return Err(Failure::Usage(format!("--no-reading {value}: use a number; what is not finite is no reading anyway")));
         }
         if self.segment == Some(SegmentArgument::Table) && (self.support_label.is_some() || !self.ignore_label.is_empty()) {
-            return Err(Failure::Usage("--segment table looks at no labels: leave out --support-label and --ignore-label, or use --segment labels".into()));
+            return Err(Failure::Usage(
+                "--segment table looks at no labels: leave out --support-label and --ignore-label, or use --segment labels".into(),
+            ));
         }
         if self.count == Some(0) {
             return Err(Failure::Usage("--count 0: use at least 1".into()));

@@ -2,8 +2,8 @@
 
 use super::sink::{Finish, Shown, Sink};
 use crate::cli::failure::Failure;
-use beo_camera::{Carver, FrameGrids, Quality};
 use beo_camera::carve;
+use beo_camera::{Carver, FrameGrids, Quality};
 use beo_ipc::text::{from_field, to_field};
 use beo_ipc::{CarvedGrid, ObservationHeader, PerceptStatus, Producer, Subscriber};
 use std::collections::BTreeMap;

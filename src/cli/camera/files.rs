@@ -2,8 +2,8 @@
 
 use super::sink::{Finish, Shown, Sink};
 use crate::cli::failure::{Failure, cannot_write};
-use beo_camera::{Carver, FrameGrids, Quality};
 use beo_camera::carve;
+use beo_camera::{Carver, FrameGrids, Quality};
 use beo_core::grid::{Dims, Observation};
 use beo_ipc::CarvedGrid;
 use beo_shapes::{write_npy_labels, write_npy_observation};

@@ -127,10 +127,12 @@ impl<'a> Replay<'a> {
     }
 
     fn lay(&mut self, captured: &CapturedFrame, camera_to_world: Option<Isometry3<f64>>) -> Result<FrameGrids, Failure> {
-        self.observer.segment_by(self.camera.segment.map_or_else(
-            || if captured.is_labelled { Segmentation::Labels } else { Segmentation::Table },
-            SegmentArgument::segmentation,
-        ));
+        self.observer.segment_by(
+            self.camera.segment.map_or_else(
+                || if captured.is_labelled { Segmentation::Labels } else { Segmentation::Table },
+                SegmentArgument::segmentation,
+            ),
+        );
         let mut grids = self.observer.observe(&captured.frame());
         if !self.camera.fuse {
             return Ok(grids);
@@ -150,7 +152,9 @@ impl<'a> Replay<'a> {
         for (object, quality) in grids.objects.iter().filter_map(|laid| Some((laid.object, laid.grid.as_ref().ok()?.quality))) {
             if quality.share_far > LARGE_SHARE {
                 let share = 100.0 * quality.share_far;
-                say!("{frame}: object {object}: {share:.0} % of its readings lie apart from the rest and were left out: are these several objects?");
+                say!(
+                    "{frame}: object {object}: {share:.0} % of its readings lie apart from the rest and were left out: are these several objects?"
+                );
             }
         }
         Ok(())
