@@ -1,7 +1,7 @@
 //! What is asked, and what is answered.
 
-use super::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
 use crate::grid::{Outside, Placed, Rotation, View};
+use crate::perception::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
 use nalgebra::Vector3;
 
 /// In which frame a completion is wanted.
