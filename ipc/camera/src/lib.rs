@@ -2,7 +2,7 @@
 //!
 //! | file | what |
 //! | --- | --- |
-//! | `intrinsics` | the pinhole camera with lens distortion |
+//! | `intrinsics`, `lens` | the pinhole camera with lens distortion |
 //! | `frame` | one depth image with its labels |
 //! | `segments` | the pixels of each label |
 //! | `sensor` | how far a reading may be from the surface, by depth |
@@ -24,6 +24,7 @@ mod fused;
 mod fusion;
 mod grids;
 mod intrinsics;
+mod lens;
 mod parallel;
 mod placement;
 mod segments;
@@ -36,6 +37,7 @@ pub use fused::FusedObjects;
 pub use fusion::{Fusion, FusionError};
 pub use grids::{BelowSupport, FrameGrids, GridOptions, NoGrid, ObjectGrid, lay_grids};
 pub use intrinsics::{Intrinsics, IntrinsicsError};
+pub use lens::Lens;
 pub use parallel::carve;
 pub use placement::{Placement, PlacementError, place, place_in};
 pub use segments::Segments;

@@ -2,7 +2,7 @@
 //! `NAME_label.png`, `camera_info.yaml` as ROS has it, `trajectory.txt` as the TUM RGB-D benchmark has it.
 
 use super::DepthImage;
-use beo_camera::Intrinsics;
+use beo_camera::{Intrinsics, Lens};
 use nalgebra::Isometry3;
 use png::{BitDepth, ColorType, Compression, Encoder};
 use std::path::{Path, PathBuf};
@@ -100,12 +100,20 @@ impl FrameWriter {
 /// ROS's `camera_info` of a camera.
 fn camera_info(intrinsics: &Intrinsics) -> String {
     let ([fx, fy], [cx, cy]) = (intrinsics.focal(), intrinsics.centre());
+    let lens = intrinsics.lens();
+    let model = match lens {
+        Lens::Straight | Lens::PlumbBob(_) => "plumb_bob",
+        Lens::RationalPolynomial(_) => "rational_polynomial",
+        Lens::ModifiedBrownConrady(_) => "modified_brown_conrady",
+        Lens::Equidistant(_) => "equidistant",
+    };
+    let coefficients = if lens == Lens::Straight { &[0.0; 5] } else { lens.coefficients() };
     format!(
         "image_width: {}\nimage_height: {}\ncamera_name: synthetic\ncamera_matrix:\n  rows: 3\n  cols: 3\n  \
-         data: [{fx:?}, 0.0, {cx:?}, 0.0, {fy:?}, {cy:?}, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n\
-         distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: {:?}\n",
+         data: [{fx:?}, 0.0, {cx:?}, 0.0, {fy:?}, {cy:?}, 0.0, 0.0, 1.0]\ndistortion_model: {model}\n\
+         distortion_coefficients:\n  rows: 1\n  cols: {}\n  data: {coefficients:?}\n",
         intrinsics.width(),
         intrinsics.height(),
-        intrinsics.distortion()
+        coefficients.len()
     )
 }
