@@ -80,6 +80,7 @@ impl EvidenceScratch {
     }
 
     /// The observation in the frame in which it was placed last.
+    #[cfg(test)]
     pub fn frame(&self) -> &ObjectFrame {
         &self.frame
     }
