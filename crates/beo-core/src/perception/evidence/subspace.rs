@@ -5,16 +5,16 @@
 //! cheaper than the same in the shared basis. Of the voxels it needs the Gram matrix of [W_s, μ_s, 1] over the unknown ones
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
-use super::known::Known;
-use super::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
-use super::prediction::{Columns, Posterior, Predicted, Scratch};
-use super::row_gram::{AddGram, packed, packed_len};
-use super::rows::Rows;
-use super::shared_rows::{SharedRows, SharedSums};
-use super::tiles::{TileGrams, Tiling};
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky_rows, dot64, symmetric_eigen};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
+use crate::perception::basis::rows::Rows;
+use crate::perception::basis::shared_rows::{SharedRows, SharedSums};
+use crate::perception::basis::tiles::{TileGrams, Tiling};
+use crate::perception::completion::prediction::{Columns, Posterior, Predicted, Scratch};
+use crate::perception::evidence::known::Known;
+use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
+use crate::perception::kernels::row_gram::{AddGram, packed, packed_len};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
@@ -57,6 +57,8 @@ enum ClassRows {
 pub struct Conditional {
     /// log p(known voxels | class).
     pub log_evidence: f64,
+    /// Log density of the known voxels without a class: noise of the same variance about zero.
+    log_background: f64,
     /// Squared distance of the class mean to the known voxels, ‖w − V μ_s‖².
     pub distance2: f64,
     /// Posterior mean of the coefficients, k values.
@@ -75,17 +77,43 @@ pub struct Conditional {
 impl Conditional {
     /// Room for a class with `size` directions.
     pub fn new(size: usize) -> Self {
-        let stride = stride(size);
-        Self {
+        let mut conditional = Self {
             log_evidence: 0.0,
+            log_background: 0.0,
             distance2: 0.0,
-            coefficients: vec![0.0; size],
-            posterior: Posterior::new(size),
-            gathered: vec![0.0; BLOCK * stride],
-            unknown: vec![0.0; packed_len(size + 2)],
-            filled: vec![0.0; stride],
-            factor: vec![0.0; size * size],
+            coefficients: Vec::new(),
+            posterior: Posterior::new(0),
+            gathered: Vec::new(),
+            unknown: Vec::new(),
+            filled: Vec::new(),
+            factor: Vec::new(),
+        };
+        conditional.make_room(size);
+        conditional
+    }
+
+    /// Makes room for a class with `size` directions; allocates nothing if there was room before.
+    fn make_room(&mut self, size: usize) {
+        if self.coefficients.len() == size && !self.filled.is_empty() {
+            return;
         }
+        let stride = stride(size);
+        if self.gathered.len() < BLOCK * stride {
+            self.gathered.resize(BLOCK * stride, 0.0);
+        }
+        self.coefficients.resize(size, 0.0);
+        self.posterior.resize(size);
+        self.unknown.resize(packed_len(size + 2), 0.0);
+        self.filled.resize(stride, 0.0);
+        self.factor.resize(size * size, 0.0);
+    }
+
+    /// THE log evidence of an observation: log p(known voxels | class) less that of a background without a class.
+    ///
+    /// The background is noise of the same variance about zero. A known empty voxel far from the object, of which moving the observation adds or
+    /// removes some, then says nothing, so that observations in different poses can be compared.
+    pub fn log_evidence_ratio(&self) -> f64 {
+        self.log_evidence - self.log_background
     }
 }
 
@@ -196,7 +224,13 @@ impl ClassSubspace {
 
     /// What the posterior predicts of the voxels of a column from `z` on, a multiple of [`LANES`].
     #[inline(always)]
-    pub(super) fn predict<const FUSED: bool>(&self, posterior: &Posterior, column: usize, z: usize, scratch: &mut Scratch) -> Predicted {
+    pub(in crate::perception) fn predict<const FUSED: bool>(
+        &self,
+        posterior: &Posterior,
+        column: usize,
+        z: usize,
+        scratch: &mut Scratch,
+    ) -> Predicted {
         match &self.rows {
             ClassRows::Derived { columns, .. } => {
                 let (block, class_mean) = columns.load(column, z, scratch);
@@ -225,32 +259,14 @@ impl ClassSubspace {
 
     /// All that conditioning reads of the voxels, whatever the noise.
     pub fn gather(&self, known: &Known, out: &mut Conditional) {
+        out.make_room(self.size);
         match &self.rows {
             ClassRows::Derived { rows, tiles, .. } => {
                 unknown_gram(rows, tiles, self.size, known, out);
                 rows.add(&known.filled, &mut out.filled);
             }
-            ClassRows::Shared { .. } => self.gather_shared(&known.sums, out),
+            ClassRows::Shared { transform, .. } => gather_shared(transform, self.size, &known.sums, out),
         }
-    }
-
-    /// The same from sums over W' that [`SharedRows`] has made.
-    pub(super) fn gather_shared(&self, sums: &SharedSums, out: &mut Conditional) {
-        let ClassRows::Shared { transform, .. } = &self.rows else {
-            unreachable!("sums over W' belong to classes that read it in place");
-        };
-        transform_gram(&sums.unknown, transform, &mut out.unknown);
-        let (rows, ones) = sums.filled.split_at(transform.nrows());
-        for (h, sum) in out.filled[..=self.size].iter_mut().enumerate() {
-            *sum = transform.col_as_slice(h).iter().zip(rows).map(|(t, v)| t * v).sum();
-        }
-        out.filled[self.size + 1] = ones[0];
-    }
-
-    /// Log density without a class of the voxels that such sums count as known.
-    pub(super) fn background(&self, noise: f64, sums: &SharedSums) -> f64 {
-        let (all, last) = (self.gram.last(), |sums: &[f64]| sums.last().copied().unwrap_or(0.0));
-        background_of(noise, all.copied().unwrap_or(0.0) - last(&sums.unknown), last(&sums.filled))
     }
 
     /// Conditions the class on what [`Self::gather`] has read, with noise variance `noise`.
@@ -282,7 +298,9 @@ impl ClassSubspace {
             log_det += 2.0 * l[i * k + i].ln();
         }
         let quadratic: f64 = half[..k].iter().map(|v| v * v).sum();
-        out.log_evidence = -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + log_det + residual / noise - quadratic);
+        let log_unit = (std::f64::consts::TAU * noise).ln();
+        out.log_background = -0.5 * (voxels * log_unit + filled[k + 1] / noise);
+        out.log_evidence = -0.5 * (voxels * log_unit + log_det + residual / noise - quadratic);
 
         for i in (0..k).rev() {
             half[i] /= l[i * k + i];
@@ -352,9 +370,14 @@ impl ClassSubspace {
     }
 }
 
-/// Log density without a class of so many voxels, of which so many are filled: noise of this variance about zero.
-pub(super) fn background_of(noise: f64, voxels: f64, filled: f64) -> f64 {
-    -0.5 * (voxels * (std::f64::consts::TAU * noise).ln() + filled / noise)
+/// All that conditioning reads of the voxels, from sums over W' that [`SharedRows`] has made.
+fn gather_shared(transform: &Mat<f64>, size: usize, sums: &SharedSums, out: &mut Conditional) {
+    transform_gram(&sums.unknown, transform, &mut out.unknown);
+    let (rows, ones) = sums.filled.split_at(transform.nrows());
+    for (h, sum) in out.filled[..=size].iter_mut().enumerate() {
+        *sum = transform.col_as_slice(h).iter().zip(rows).map(|(t, v)| t * v).sum();
+    }
+    out.filled[size + 1] = ones[0];
 }
 
 fn roots(variances: &[f64]) -> Vec<f64> {
@@ -463,7 +486,7 @@ impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
 mod tests {
     use super::*;
     use crate::grid::Observation;
-    use crate::perception::prediction::Scratch;
+    use crate::perception::completion::prediction::Scratch;
     use half::f16;
 
     #[test]

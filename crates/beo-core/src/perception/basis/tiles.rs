@@ -4,9 +4,9 @@
 //! rowᵀrow from the bottom up to every few levels is therefore kept; of a query only what sticks out above the common height of
 //! a tile's stacks, or lies apart, is left to be summed voxel by voxel.
 
-use super::lanes::Kernel;
-use super::row_gram::{add_outer, packed_len};
 use crate::grid::Dims;
+use crate::perception::kernels::lanes::Kernel;
+use crate::perception::kernels::row_gram::{add_outer, packed_len};
 use rayon::prelude::*;
 
 /// Tiles along each axis, at most; it bounds the memory, whatever the resolution.
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
     use crate::grid::Observation;
     use crate::perception::Known;
-    use crate::perception::lanes::dispatch;
+    use crate::perception::kernels::lanes::dispatch;
     use proptest::prelude::*;
 
     proptest! {

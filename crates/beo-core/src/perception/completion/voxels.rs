@@ -1,10 +1,10 @@
 //! Completion: from the posteriors of the likely classes to one probability and one deviation per voxel (eq. 6 and the
 //! evidence's posterior mean).
 
-use super::lanes::{self, Kernel, LANES, Lanes};
-use super::prediction::{Posterior, Scratch};
-use super::subspace::ClassSubspace;
 use crate::model::CompletionCalibration;
+use crate::perception::completion::prediction::{Posterior, Scratch};
+use crate::perception::evidence::subspace::ClassSubspace;
+use crate::perception::kernels::lanes::{self, Kernel, LANES, Lanes};
 
 /// A class that takes part in a completion.
 #[derive(Clone, Copy)]

@@ -4,9 +4,9 @@
 //! ½ o'ᵀA o' − bᵀo' + λ ‖o'‖₁, by coordinate descent on the Gram A. With the paper's λ = 1e-5 the penalty itself does almost
 //! nothing; A is so badly conditioned that what regularises is to stop when the coefficients no longer move noticeably.
 
-use super::known::Known;
 use crate::linear::{LinearError, cholesky, solve_cholesky};
 use crate::model::Basis;
+use crate::perception::evidence::known::Known;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,9 @@
 //! How W' is read: from tables that are derived from it and kept, or in place, where these would be many times its size.
 
-use super::known::Known;
-use super::{ClassSubspace, ColumnSums, SharedRows};
 use crate::grid::{Dims, Observation};
 use crate::model::{Basis, ClassModel, Damaged, Footprint};
+use crate::perception::evidence::known::Known;
+use crate::perception::{ClassSubspace, ColumnSums, SharedRows};
 use fixedbitset::FixedBitSet;
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub enum Reading {
         /// W'.
         basis: Basis,
         /// Its prefix sums.
-        sums: ColumnSums,
+        sums: Arc<ColumnSums>,
     },
     /// W' itself, inside its footprint.
     InPlace(Arc<SharedRows>),
@@ -27,7 +27,15 @@ impl Reading {
     pub fn new(dims: Dims, basis: &Basis, footprint: Option<&Footprint>) -> Self {
         match footprint {
             Some(footprint) => Self::InPlace(Arc::new(SharedRows::new(dims, basis, footprint))),
-            None => Self::Derived { dims, basis: basis.clone(), sums: ColumnSums::new(dims, basis) },
+            None => Self::Derived { dims, basis: basis.clone(), sums: Arc::new(ColumnSums::new(dims, basis)) },
+        }
+    }
+
+    /// Size of the grid.
+    pub fn dims(&self) -> Dims {
+        match self {
+            Self::Derived { dims, .. } => *dims,
+            Self::InPlace(rows) => rows.dims(),
         }
     }
 
@@ -71,7 +79,9 @@ impl Reading {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Occupancy, View, yaw};
+    use crate::grid::{Occupancy, Outside, Placed, View, yaw};
+    use crate::model::Searched;
+    use crate::perception::evidence::placed::EvidenceScratch;
     use crate::perception::pose::small::{model, perceiver, unseen};
     use crate::perception::{Method, Perceiver, Percept, Query};
     use fixedbitset::FixedBitSet;
@@ -83,7 +93,8 @@ mod tests {
         (0..dims.voxels()).filter(|v| model.basis.row(*v).iter().any(|value| value.to_f32() != 0.0)).for_each(|v| support.insert(v));
         assert!(support.count_ones(..) < dims.voxels(), "nothing is tested");
         let footprint = SharedRows::over(dims, model.basis.clone(), support).unwrap().footprint();
-        Perceiver::new(Arc::new(crate::model::Model { footprint: Some(footprint), ..(*model).clone() })).unwrap()
+        let searched = Searched::KnownPoseOnly { footprint: Some(footprint) };
+        Perceiver::new(Arc::new(crate::model::Model { searched, ..(*model).clone() })).unwrap()
     }
 
     #[test]
@@ -95,10 +106,8 @@ mod tests {
             for (n, class) in ["chair", "table", "chair"].into_iter().enumerate() {
                 let query = Query { method, completion: true, ..Query::default() };
                 let seen = View::Top.of(&unseen(class, 5 + n as u64));
-                tables.classify(&seen, &query, &mut work, &mut one).unwrap();
-                tables.complete(&query, &mut work, &mut one).unwrap();
-                place.classify(&seen, &query, &mut work_in_place, &mut other).unwrap();
-                place.complete(&query, &mut work_in_place, &mut other).unwrap();
+                tables.classify(&seen, &query, &mut work, &mut one).unwrap().complete().unwrap();
+                place.classify(&seen, &query, &mut work_in_place, &mut other).unwrap().complete().unwrap();
                 let close = |a: &[f64], b: &[f64], by: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= by * (1.0 + a.abs()));
                 assert!(close(&one.posterior, &other.posterior, 2e-3), "{method:?}: {:?} {:?}", one.posterior, other.posterior);
                 assert!(close(&one.scores, &other.scores, 2e-3), "{method:?}: {:?} {:?}", one.scores, other.scores);
@@ -110,7 +119,7 @@ mod tests {
                 // Bytes are the same numbers.
                 let mut bytes = [vec![9_u8; one.occupancy.len()], vec![9_u8; one.occupancy.len()]];
                 let [p, sd] = &mut bytes;
-                place.complete_into(&query, &mut work_in_place, &mut other, p, sd).unwrap();
+                place.classify(&seen, &query, &mut work_in_place, &mut other).unwrap().complete_into(p, sd).unwrap();
                 for (bytes, values) in bytes.iter().zip([&other.occupancy, &other.deviation]) {
                     assert!(bytes.iter().zip(values).all(|(byte, value)| (f32::from(*byte) - value * 255.0).abs() <= 0.5001), "{method:?}");
                 }
@@ -121,16 +130,17 @@ mod tests {
     #[test]
     fn evidence_of_a_turned_observation_is_that_of_turning_it_first() {
         let place = in_place();
-        let Reading::InPlace(rows) = &place.reading else { panic!("read in place") };
+        let evidence = place.evidence();
+        let Reading::InPlace(rows) = &evidence.rows else { panic!("read in place") };
         let object: Occupancy = unseen("chair", 3);
         let seen = View::Top.of(&object);
         for angle in [0.0, 0.3, 1.9] {
             let rotation = yaw(angle);
-            let turned = place.turned_back(&seen, &rotation, &Query::default());
-            let mut known = Known::new(place.model().dims());
-            place.reading.take_apart(&turned, &mut known).unwrap();
+            let (mut whole, mut part) = (EvidenceScratch::new(place.model().dims()), EvidenceScratch::new(place.model().dims()));
+            let expected = evidence.of_placed(&seen, &Placed::turned(rotation), Outside::Empty, 0, &mut whole).unwrap();
+            let known = whole.frame().known();
             let mut sums = crate::perception::SharedSums::default();
-            rows.sum_turned(&seen, &rotation, crate::grid::Outside::Empty, &mut sums).unwrap();
+            rows.sum_turned(&seen, &rotation, Outside::Empty, &mut sums).unwrap();
             let last = sums.unknown.len() - 1 - rows.rank();
             for (a, b) in sums.unknown[..last + rows.rank()].iter().zip(&known.sums.unknown) {
                 assert!((a - b).abs() < 1e-3 * (1.0 + b.abs()), "{angle}: {a} {b}");
@@ -139,13 +149,9 @@ mod tests {
                 assert!((a - b).abs() < 1e-3 * (1.0 + b.abs()), "{angle}: {a} {b}");
             }
             // Relative to the background nothing outside the footprint matters.
-            let class = &place.subspaces[0];
-            let mut conditional = crate::perception::Conditional::new(class.size());
-            let whole = place.condition_turned(&turned, 0, &mut conditional).unwrap();
-            class.gather_shared(&sums, &mut conditional);
-            class.solve(place.noise, &mut conditional).unwrap();
-            let part = conditional.log_evidence - class.background(place.noise, &sums);
-            assert!((whole - part).abs() < 0.02 * (1.0 + whole.abs()), "{angle}: {whole} {part}");
+            let found = evidence.of_turned(&seen, &rotation, Outside::Empty, 0, &mut part).unwrap();
+            let (expected, found) = (expected.log_ratio, found.log_ratio);
+            assert!((expected - found).abs() < 0.02 * (1.0 + expected.abs()), "{angle}: {expected} {found}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Gram matrices of rows of a few dozen values: Σ rowᵀrow, lower triangle, packed row after row.
 
-use super::lanes::{Kernel, LANES, load, multiply_add};
+use crate::perception::kernels::lanes::{Kernel, LANES, load, multiply_add};
 use std::ops::Range;
 
 /// Rows of the triangle that are summed together.
@@ -81,7 +81,7 @@ pub fn add_outer(sum: &mut [f64], rows: &[f32], stride: usize, width: usize, vox
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::perception::lanes::dispatch;
+    use crate::perception::kernels::lanes::dispatch;
 
     #[test]
     fn the_kernel_sums_as_the_plain_loops_do() {

@@ -5,9 +5,9 @@
 //! multiplied by √S_jj and vectors divided by it, so that each column adds as much to the error as any other. Each row has a scale of
 //! its own. On ModelNet10 this moves no log density of the hull by more than 0.004, and no class posterior by more than 1e-4.
 
-use super::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
-use super::large_pages::collapse;
 use crate::linear::{LinearError, cholesky, invert_lower};
+use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
+use crate::perception::kernels::large_pages::collapse;
 use faer::Mat;
 use std::cmp::Ordering;
 

@@ -4,12 +4,12 @@
 //! of any class follows (its directions are combinations of the columns of W'), and the sum over the filled ones. The sum over the
 //! hull, its projection (eq. 5), comes with them. Rows outside the footprint of the training shapes are zero and are never read.
 
-use super::known::Known;
-use super::lanes::{Kernel, LANES, Lanes, dispatch};
-use super::prediction::Scratch;
-use super::row_gram::{AddGram, packed, packed_len, span};
 use crate::grid::{Dims, Observation, Outside, Rotation, for_each_run, nearest};
 use crate::model::{Basis, Damaged, Footprint};
+use crate::perception::completion::prediction::Scratch;
+use crate::perception::evidence::known::Known;
+use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch};
+use crate::perception::kernels::row_gram::{AddGram, packed, packed_len, span};
 use fixedbitset::FixedBitSet;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -73,6 +73,11 @@ impl SharedRows {
     /// Where rows may differ from zero, and their Gram matrix: what a model keeps of them.
     pub fn footprint(&self) -> Footprint {
         Footprint { voxels: self.support.clone(), gram: self.gram.clone() }
+    }
+
+    /// Size of the grid.
+    pub fn dims(&self) -> Dims {
+        self.dims
     }
 
     /// Number of rows of W', d.
@@ -192,7 +197,7 @@ impl SharedRows {
     /// The components of the voxels of a column from `z` on, a multiple of [`LANES`], into the scratch memory; `false`: all are zero, and
     /// nothing was loaded.
     #[inline(always)]
-    pub(super) fn load(&self, column: usize, z: usize, scratch: &mut Scratch) -> bool {
+    pub(in crate::perception) fn load(&self, column: usize, z: usize, scratch: &mut Scratch) -> bool {
         let first = column * self.dims.z() + z;
         let end = (first + LANES).min((column + 1) * self.dims.z());
         if !any(&self.support, first..end) {
@@ -239,7 +244,7 @@ impl SharedRows {
 
     /// To be called before rows of unknown voxels are loaded again, after [`Self::sum`] has checked them: it keeps what stays in memory
     /// within its bound.
-    pub(super) fn touch_unknown(&self, known: &Known, columns: Range<usize>) -> Result<(), Damaged> {
+    pub(in crate::perception) fn touch_unknown(&self, known: &Known, columns: Range<usize>) -> Result<(), Damaged> {
         self.touch(&known.sums.unknown_bits, columns)
     }
 

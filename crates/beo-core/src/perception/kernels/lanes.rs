@@ -106,6 +106,28 @@ pub fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + ROUND).to_bits() as u8
 }
 
+/// Inner product over the shorter length, in partial sums that vectorise. The order of the sums is fixed, whatever the CPU.
+#[inline(always)]
+pub fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let n = a.len().min(b.len());
+    let long = n - n % 32;
+    let short = n - n % 8;
+    let tail: f32 = a[short..n].iter().zip(&b[short..n]).map(|(x, y)| x * y).sum();
+    partial_sums::<32>(&a[..long], &b[..long]) + partial_sums::<8>(&a[long..short], &b[long..short]) + tail
+}
+
+/// Inner product of whole chunks of `N` values.
+#[inline(always)]
+fn partial_sums<const N: usize>(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0_f32; N];
+    for (x, y) in a.chunks_exact(N).zip(b.chunks_exact(N)) {
+        for i in 0..N {
+            sums[i] += x[i] * y[i];
+        }
+    }
+    sums.iter().sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,11 +5,11 @@
 //! form in W' where that is read instead. Voxels of a column lie side by side, component by component, so that one value of S serves
 //! a whole block of them.
 
-use super::lanes::{LANES, Lanes, multiply_add, widen};
-use super::large_pages::collapse;
-use super::rows::Rows;
 use crate::grid::Dims;
 use crate::model::MOST_COMPONENTS;
+use crate::perception::basis::rows::Rows;
+use crate::perception::kernels::lanes::{LANES, Lanes, multiply_add, widen};
+use crate::perception::kernels::large_pages::collapse;
 
 /// Rows of S that are multiplied together: enough sums at once to hide the latency of an addition.
 const GROUP: usize = 4;
@@ -43,6 +43,7 @@ pub struct Scratch {
     own: [Lanes; MOST_COMPONENTS],
     /// … and of W', which may have more, with the rows as they lie in memory.
     pub shared: Vec<Lanes>,
+    /// Rows of W' as they lie in memory.
     pub rows: Vec<f32>,
 }
 

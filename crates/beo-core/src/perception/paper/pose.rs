@@ -3,14 +3,20 @@
 //! The query in pose r is the observation turned back by r. What it is compared with, ô, is its back-projection W' o' onto
 //! the same voxels: eq. 11 as printed is minimised by the identity.
 
-use super::blend::softmax;
-use super::known::Known;
-use super::perceiver::{PerceiveError, Perceiver, Workspace};
-use super::pose::grid::{count_for, rotations};
-use super::pose::posterior::Sample;
-use super::{Percept, PoseSearch, Query, density, paper};
-use crate::grid::{Rotation, distance_transform, yaw};
-use crate::linear::LinearError;
+use super::PaperModel;
+use super::projection;
+use crate::grid::{Observation, Placed, Rotation, distance_transform, yaw};
+use crate::perception::densities::gaussian::Gaussian;
+use crate::perception::densities::log_sum::{log_sum_exp, softmax};
+use crate::perception::evidence::placed::ObjectFrame;
+use crate::perception::kernels::lanes::dot;
+use crate::perception::pool::Pool;
+use crate::perception::pose::grid::{count_for, rotations};
+use crate::perception::pose::posterior::Sample;
+use crate::perception::prepared::Prepared;
+use crate::perception::scored::{Scored, Wanted};
+use crate::perception::timings::Clock;
+use crate::perception::{PerceiveError, PoseSearch, Query};
 use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -50,18 +56,27 @@ struct Looked {
     densities: Vec<f64>,
 }
 
-impl Perceiver {
+/// The paper's search over poses.
+pub struct PaperSearch<'a> {
+    pub prepared: &'a Prepared,
+    pub query: &'a Query,
+    pub wanted: &'a Wanted,
+    pub pool: &'a Pool<ObjectFrame>,
+}
+
+impl PaperSearch<'_> {
     /// Class posterior and weighted rotations by the paper's estimators.
-    pub(super) fn find_pose_as_the_paper(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        let m = self.model.classes.len();
-        let wanted = (0..m).filter(|s| query.log_prior(*s) > f64::NEG_INFINITY).count();
+    pub fn score(&self, seen: &Observation, clock: &mut Clock, out: &mut Scored) -> Result<(), PerceiveError> {
+        let query = self.query;
+        let m = self.prepared.classes();
+        let wanted = self.wanted.iter().filter(|wanted| **wanted).count();
         let estimator = match query.paper_pose {
             PaperPose::Edt if wanted == 1 => PaperPose::Density,
             other => other,
         };
         let prior = query.rotation_prior.log_density(query.pose);
-        let look = |candidates: &[Rotation], estimator: PaperPose| -> Result<Vec<Looked>, LinearError> {
-            candidates.par_iter().map(|r| self.look_as_the_paper(*r, estimator, prior(r), query, work)).collect()
+        let look = |candidates: &[Rotation], estimator: PaperPose| -> Result<Vec<Looked>, PerceiveError> {
+            candidates.par_iter().map(|r| self.look(*r, estimator, prior(r), seen)).collect()
         };
         let best = |looked: &[Looked]| {
             let better = |best: usize, i: usize| if looked[i].score > looked[best].score { i } else { best };
@@ -90,11 +105,10 @@ impl Perceiver {
                 found
             }
         };
-        percept.timings.projected = work.stopwatch.elapsed();
+        clock.projected();
         // By density, class and pose are marginalised over each other; the other estimators choose the pose first.
         let by_density = matches!(estimator, PaperPose::Density | PaperPose::Edt);
         let looked = if by_density { &looked[..] } else { std::slice::from_ref(&looked[best(&looked)]) };
-        work.samples.clear();
         for l in looked {
             let of_class = |(class, density): (usize, &f64)| Sample {
                 rotation: l.rotation,
@@ -102,40 +116,46 @@ impl Perceiver {
                 log_density: *density,
                 share: 1.0 / looked.len() as f64,
             };
-            work.samples.extend(l.densities.iter().enumerate().filter(|(_, d)| d.is_finite()).map(of_class));
+            out.samples.extend(l.densities.iter().enumerate().filter(|(_, d)| d.is_finite()).map(of_class));
         }
         for s in 0..m {
             let densities = looked.iter().map(|l| l.densities[s]);
-            let peak = densities.clone().fold(f64::NEG_INFINITY, f64::max);
-            let sum: f64 = densities.map(|d| (d - peak).exp()).sum();
-            percept.scores.push(peak);
-            percept.posterior.push(if peak.is_finite() { peak + sum.ln() + query.log_prior(s) } else { f64::NEG_INFINITY });
+            out.scores.push(densities.clone().fold(f64::NEG_INFINITY, f64::max));
+            out.posterior.push(log_sum_exp(densities) + query.log_prior(s));
         }
-        softmax(&mut percept.posterior);
+        softmax(&mut out.posterior);
         Ok(())
     }
 
-    fn look_as_the_paper(
+    fn look(&self, rotation: Rotation, estimator: PaperPose, prior: f64, seen: &Observation) -> Result<Looked, PerceiveError> {
+        let rows = &self.prepared.evidence.rows;
+        self.pool.with(
+            || ObjectFrame::new(rows.dims()),
+            |frame| {
+                frame.take_moved(rows, seen, &Placed::turned(rotation), self.query.outside)?;
+                self.look_moved(rotation, estimator, prior, &self.prepared.paper, frame)
+            },
+        )
+    }
+
+    fn look_moved(
         &self,
         rotation: Rotation,
         estimator: PaperPose,
         prior: f64,
-        query: &Query,
-        work: &Workspace,
-    ) -> Result<Looked, LinearError> {
-        let dims = self.model.dims();
-        let turned = self.turned_back(&work.seen, &rotation, query);
-        let mut known = Known::new(dims);
-        known.read(&turned);
-        let (gram, b) = self.normal_equations(&known);
-        let projected = paper::solve(&gram, &b, query.projection)?;
+        paper: &PaperModel,
+        frame: &ObjectFrame,
+    ) -> Result<Looked, PerceiveError> {
+        let (query, known) = (self.query, frame.known());
+        let (gram, b) = paper.normal_equations(known);
+        let projected = projection::solve(&gram, &b, query.projection)?;
         let single: Vec<f32> = projected.iter().map(|v| *v as f32).collect();
         let mut centred = vec![0.0; single.len()];
-        let density = |(s, d): (usize, &density::Density)| match query.log_prior(s) {
+        let density = |(s, d): (usize, &Gaussian)| match query.log_prior(s) {
             f64::NEG_INFINITY => f64::NEG_INFINITY,
             _ => prior + d.log_gaussian(&single, &mut centred),
         };
-        let densities: Vec<f64> = self.complete_densities()?.iter().enumerate().map(density).collect();
+        let densities: Vec<f64> = paper.densities()?.iter().enumerate().map(density).collect();
         let score = match estimator {
             PaperPose::Density => (densities.iter().enumerate()).map(|(s, d)| d + query.log_prior(s)).fold(f64::NEG_INFINITY, f64::max),
             PaperPose::Distance | PaperPose::Reprojection => {
@@ -147,19 +167,19 @@ impl Perceiver {
                 let distance = distance2.max(0.0).sqrt();
                 if estimator == PaperPose::Distance { -distance } else { 1.0 - distance / filled.max(1.0).sqrt() }
             }
-            PaperPose::Edt => -self.distance_error(&turned, &single),
+            PaperPose::Edt => -self.distance_error(frame.observation(), &single),
         };
         Ok(Looked { rotation, score, densities })
     }
 
     /// Eq. 20 on the known voxels: ‖D − D̂‖, D of the filled voxels, D̂ of the back-projection's voxels of at least ½.
-    fn distance_error(&self, turned: &crate::grid::Observation, projected: &[f32]) -> f64 {
-        let (dims, basis) = (self.model.dims(), &self.model.basis);
+    fn distance_error(&self, turned: &Observation, projected: &[f32]) -> f64 {
+        let (dims, basis) = (self.prepared.model.dims(), &self.prepared.model.basis);
         let mut row = vec![0.0; basis.rank()];
         let mut predicted = FixedBitSet::with_capacity(dims.voxels());
         for voxel in 0..dims.voxels() {
             basis.widen(voxel..voxel + 1, &mut row);
-            predicted.set(voxel, density::dot(&row, projected) >= 0.5);
+            predicted.set(voxel, dot(&row, projected) >= 0.5);
         }
         let (mut seen, mut expected) = (Vec::new(), Vec::new());
         predicted.intersect_with(turned.known());

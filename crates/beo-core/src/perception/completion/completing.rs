@@ -1,13 +1,15 @@
-//! Completion of the observation that was last classified, by every method, in the frame that was asked for.
+//! Completion of an observation whose class and pose were found, by every method, in the frame that was asked for.
 
-use super::completion::{self, Complete, Part, Unknown};
-use super::density;
-use super::known::Known;
-use super::lanes::dispatch;
-use super::perceiver::{PerceiveError, Perceiver, Workspace};
-use super::percept::Frame;
-use super::{Method, Percept, PoseSearch, Query, Reading};
-use crate::grid::{ALONE, Placed};
+use super::voxels::{self, Complete, Part, Unknown};
+use crate::grid::{ALONE, Observation, Placed, Turn};
+use crate::perception::basis::reading::Reading;
+use crate::perception::evidence::known::Known;
+use crate::perception::evidence::placed::ObjectFrame;
+use crate::perception::kernels::lanes::{dispatch, dot};
+use crate::perception::known_pose::ClassPosteriors;
+use crate::perception::percept::Frame;
+use crate::perception::prepared::Prepared;
+use crate::perception::{Method, PerceiveError, Percept, PoseSearch, Query};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -22,80 +24,79 @@ const SLAB: usize = 4;
 /// Least deviation of a voxel that was not observed: in turning, its value may come from an observed neighbour.
 const UNSEEN_DEVIATION: f32 = 0.01;
 
-impl Perceiver {
-    /// Completes the observation that was last classified with `work`, into `percept`.
-    pub fn complete(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        let (mut occupancy, mut deviation) = (std::mem::take(&mut percept.occupancy), std::mem::take(&mut percept.deviation));
-        for values in [&mut occupancy, &mut deviation] {
-            values.resize(self.model.dims().voxels(), 0.0);
-        }
-        let outcome = self.complete_into(query, work, percept, &mut occupancy, &mut deviation);
-        (percept.occupancy, percept.deviation) = (occupancy, deviation);
-        outcome
-    }
+/// Scratch memory of this stage.
+#[derive(Default)]
+pub struct CompletionScratch {
+    /// Classes that take part, and their shares.
+    shares: Vec<(usize, f64)>,
+    moved: Moved,
+}
 
-    /// The same, into the caller's memory: one value per voxel each, as numbers or as bytes (× 255); all are written.
-    pub fn complete_into<V: Value>(
-        &self,
-        query: &Query,
-        work: &mut Workspace,
-        percept: &mut Percept,
-        occupancy: &mut [V],
-        deviation: &mut [V],
-    ) -> Result<(), PerceiveError> {
-        assert_eq!([occupancy.len(), deviation.len()], [self.model.dims().voxels(); 2], "one value per voxel");
-        let moved = query.pose != PoseSearch::Known || percept.placed != Placed::default();
-        if !moved || query.frame == Frame::Object {
-            return self.complete_here(query, work, percept, occupancy, deviation);
+/// Completes what was classified.
+pub(in crate::perception) struct Completion<'a> {
+    pub prepared: &'a Prepared,
+    pub query: &'a Query,
+    /// The observation as it came.
+    pub seen: &'a Observation,
+    /// The same in the frame of the object that was decided for.
+    pub frame: &'a mut ObjectFrame,
+    /// Classes that were conditioned on it before.
+    pub posteriors: &'a mut ClassPosteriors,
+    /// o'_q of the paper's method.
+    pub projected: &'a [f32],
+    pub scratch: &'a mut CompletionScratch,
+}
+
+impl Completion<'_> {
+    /// Writes probability and deviation of every voxel.
+    pub fn write<V: Value>(mut self, percept: &mut Percept, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
+        assert_eq!([occupancy.len(), deviation.len()], [self.prepared.model.dims().voxels(); 2], "one value per voxel");
+        let moved = self.query.pose != PoseSearch::Known || percept.placed != Placed::default();
+        if !moved || self.query.frame == Frame::Object {
+            return self.write_in_object_frame(percept, occupancy, deviation);
         }
-        let [mut p, mut sd] = std::mem::take(V::scratch(&mut work.moved));
+        let [mut p, mut sd] = std::mem::take(V::scratch(&mut self.scratch.moved));
         p.resize(occupancy.len(), V::default());
         sd.resize(deviation.len(), V::default());
-        let outcome = self.complete_here(query, work, percept, &mut p, &mut sd);
-        turn_into_grid(work, percept, [&p, &sd], occupancy, deviation);
-        *V::scratch(&mut work.moved) = [p, sd];
+        let outcome = self.write_in_object_frame(percept, &mut p, &mut sd);
+        turn_into_grid(self.seen, self.frame.way_back(&percept.placed), [&p, &sd], occupancy, deviation);
+        *V::scratch(&mut self.scratch.moved) = [p, sd];
         outcome
     }
 
     /// In the frame in which the observation was completed: as it came, or the object's where that was found.
-    fn complete_here<V: Value>(
-        &self,
-        query: &Query,
-        work: &mut Workspace,
+    fn write_in_object_frame<V: Value>(
+        &mut self,
         percept: &mut Percept,
         occupancy: &mut [V],
         deviation: &mut [V],
     ) -> Result<(), PerceiveError> {
-        match query.method {
+        let known = self.frame.known();
+        match self.query.method {
             Method::Paper => {
-                if !percept.informed {
-                    self.project_as_the_paper(query, work)?;
-                }
-                let basis = &self.model.basis;
+                let basis = &self.prepared.model.basis;
                 let mut row = vec![0.0; basis.rank()];
-                let projected = &work.projected;
-                complete_plainly(&work.known, occupancy, deviation, |voxel| {
+                complete_plainly(known, occupancy, deviation, |voxel| {
                     basis.widen(voxel..voxel + 1, &mut row);
-                    density::dot(&row, projected)
+                    dot(&row, self.projected)
                 });
             }
             Method::Mean => {
-                let class = &self.subspaces[percept.class];
-                complete_plainly(&work.known, occupancy, deviation, |voxel| class.mean(voxel));
+                let class = &self.prepared.evidence.subspaces[percept.class];
+                complete_plainly(known, occupancy, deviation, |voxel| class.mean(voxel));
             }
-            _ => self.complete_by_evidence(work, percept, occupancy, deviation)?,
+            Method::Auto | Method::Hull | Method::Evidence => self.write_by_evidence(percept, occupancy, deviation)?,
         }
         Ok(())
     }
 
-    fn complete_by_evidence<V: Value>(
-        &self,
-        work: &mut Workspace,
+    fn write_by_evidence<V: Value>(
+        &mut self,
         percept: &mut Percept,
         occupancy: &mut [V],
         deviation: &mut [V],
     ) -> Result<(), PerceiveError> {
-        let shares = &mut work.shares;
+        let shares = &mut self.scratch.shares;
         shares.clear();
         shares.extend(percept.posterior.iter().copied().enumerate());
         shares.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -104,20 +105,23 @@ impl Perceiver {
             shares.truncate(likely);
         }
         let total: f64 = shares.iter().map(|(_, p)| p).sum();
-        let scored = !work.scores.evidence.is_empty();
+        let (evidence, known) = (&self.prepared.evidence, self.frame.known());
+        let ClassPosteriors { conditionals, computed } = &mut *self.posteriors;
         for &(s, _) in shares.iter() {
-            let (class, conditional) = (&self.subspaces[s], &mut work.conditionals[s]);
-            if !scored || !work.wanted[s] {
-                class.condition(&work.known, self.noise, conditional)?;
+            let (class, conditional) = (&evidence.subspaces[s], &mut conditionals[s]);
+            if !computed[s] {
+                class.condition(known, evidence.noise_variance, conditional)?;
                 percept.log_evidence[s] = conditional.log_evidence;
             }
             class.prepare(conditional);
         }
-        let weights = completion::weights(&self.model.metadata.calibration.completion);
-        let dims = self.model.dims();
-        let (conditionals, known) = (&work.conditionals, &work.known);
-        let part =
-            |&(s, p): &(usize, f64)| Part { weight: (p / total) as f32, class: &self.subspaces[s], posterior: &conditionals[s].posterior };
+        let weights = voxels::weights(&self.prepared.model.metadata.calibration.completion);
+        let dims = self.prepared.model.dims();
+        let part = |&(s, p): &(usize, f64)| Part {
+            weight: (p / total) as f32,
+            class: &evidence.subspaces[s],
+            posterior: &conditionals[s].posterior,
+        };
         let complete = |voxels: Range<usize>, occupancy: &mut [V], deviation: &mut [V]| {
             // A slab stays in the cache until it is complete: memory is written once.
             write_known(known, voxels.start, occupancy, deviation);
@@ -135,7 +139,7 @@ impl Perceiver {
         let slabs = occupancy.par_chunks_mut(slab).zip(deviation.par_chunks_mut(slab));
         slabs.enumerate().try_for_each(|(i, (occupancy, deviation))| {
             let voxels = i * slab..i * slab + occupancy.len();
-            if let Reading::InPlace(rows) = &self.reading {
+            if let Reading::InPlace(rows) = &evidence.rows {
                 rows.touch_unknown(known, voxels.start / dims.z()..voxels.end / dims.z())?;
             }
             complete(voxels, occupancy, deviation);
@@ -152,7 +156,7 @@ pub struct Moved {
 }
 
 /// How a completion is written.
-pub trait Value: completion::Value {
+pub trait Value: voxels::Value {
     /// Memory for two grids of it.
     fn scratch(moved: &mut Moved) -> &mut [Vec<Self>; 2];
 }
@@ -178,9 +182,7 @@ fn write_known<V: Value>(known: &Known, first: usize, occupancy: &mut [V], devia
 }
 
 /// Turns a completion from the object's frame into the observation's grid. What was observed there stays as observed.
-fn turn_into_grid<V: Value>(work: &mut Workspace, percept: &Percept, [p, sd]: [&[V]; 2], occupancy: &mut [V], deviation: &mut [V]) {
-    let Workspace { seen, turn, .. } = work;
-    turn.set_to_grid(&percept.placed);
+fn turn_into_grid<V: Value>(seen: &Observation, turn: &Turn, [p, sd]: [&[V]; 2], occupancy: &mut [V], deviation: &mut [V]) {
     turn.values(p, V::default(), occupancy);
     turn.values(sd, V::default(), deviation);
     let (known, filled, least) = (seen.known(), seen.filled(), V::from_unit(UNSEEN_DEVIATION));

@@ -1,6 +1,8 @@
 //! How an upright object lies in what a camera sees, refined: yaw, size and place, coarse to fine along one axis after the other, from
 //! where the view's density expects it.
 
+use crate::perception::pose::climb::{Neighbours, climb, parabola};
+
 /// Yaw (radians), logarithm of the scale (units per voxel), place x, y, z (units), all in the view's frame.
 pub type Parameters = [f64; 5];
 
@@ -46,43 +48,37 @@ pub fn refine<E>(start: &Placement, mut log_likelihood: impl FnMut(&Parameters) 
     let mut value_of = |at: &Parameters| -> Result<f64, E> { Ok(log_likelihood(at)? + start.log_density(at)) };
     let mut best = start.expected;
     let mut value = value_of(&best)?;
-    let free = || (0..best.len()).filter(|axis| start.deviations[*axis] > 0.0);
-    let axes: Vec<usize> = free().collect();
+    let (mut axes, mut free) = ([0; 5], 0);
+    for axis in (0..best.len()).filter(|axis| start.deviations[*axis] > 0.0) {
+        axes[free] = axis;
+        free += 1;
+    }
+    let axes = &axes[..free];
     for step in STEPS {
-        for &axis in &axes {
-            for side in [1.0, -1.0] {
-                let mut next = best;
-                next[axis] += side * step * start.deviations[axis];
-                let found = value_of(&next)?;
-                if found > value {
-                    (best, value) = (next, found);
-                    break;
-                }
-            }
-        }
+        (best, value) = climb((best, value), axes, 1, Neighbours::First, |at, axis, side| {
+            let mut next = *at;
+            next[axis] += side * step * start.deviations[axis];
+            value_of(&next).map(|found| Some((next, found)))
+        })?;
     }
     let mut deviations = [0.0; 5];
-    for &axis in &axes {
+    for &axis in axes {
         let step = LAST * start.deviations[axis];
-        let mut beside = |side: f64| {
+        let mut beside = |by: f64| {
             let mut next = best;
-            next[axis] += side * step;
+            next[axis] += by * step;
             value_of(&next).map(|found| (next, found))
         };
         let (low, high) = (beside(-1.0)?, beside(1.0)?);
-        let curvature = (2.0 * value - low.1 - high.1) / (step * step);
         let widest = start.deviations[axis];
-        deviations[axis] = if curvature > 0.0 { curvature.sqrt().recip().clamp(LEAST * widest, widest) } else { widest };
-        if curvature > 0.0 {
-            // The top of the parabola through the three.
-            let mut next = best;
-            next[axis] += (0.5 * (high.1 - low.1) / (curvature * step)).clamp(-step, step);
-            let found = value_of(&next)?;
-            if found > value {
-                (best, value) = (next, found);
-            }
+        deviations[axis] = widest;
+        let mut seen = [None, Some(low), Some(high)];
+        if let Some((top, bend)) = parabola(low.1, value, high.1) {
+            let curvature = -bend / (step * step);
+            deviations[axis] = curvature.sqrt().recip().clamp(LEAST * widest, widest);
+            seen[0] = Some(beside(top.clamp(-1.0, 1.0))?);
         }
-        for (next, found) in [low, high] {
+        for (next, found) in seen.into_iter().flatten() {
             if found > value {
                 (best, value) = (next, found);
             }
