@@ -11,8 +11,10 @@ use super::regressed::{Moments, regressed};
 use crate::grid::{Dims, Observation, Occupancy, Outside, Placed, Rotation, yaw};
 use crate::linear::LinearError;
 use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
-use crate::perception::camera::{CELLS, CameraScores, Shadow, ShadowImage, Told, ViewFrame, ViewWork};
-use crate::perception::{ClassSubspace, Conditional, PlacedEvidence};
+use crate::perception::PerceiveError;
+use crate::perception::camera::{CELLS, CameraFeatures, CameraScores, Shadow, ShadowImage, Told, ViewFrame, ViewWork};
+use crate::perception::densities::log_sum::log_sum_exp;
+use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
 use crate::simulation::{Conditions, Eye, View};
 use faer::Mat;
 use half::f16;
@@ -22,6 +24,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// Most features.
 const FEATURES: usize = 64;
@@ -57,10 +60,8 @@ pub struct LeftOut<'a> {
     pub kept: Vec<Vec<&'a Occupancy>>,
     /// Those that are.
     pub held: Vec<Vec<&'a Occupancy>>,
-    /// Class subspaces learned from `kept`.
-    pub subspaces: Vec<ClassSubspace>,
-    /// Variance of a voxel about them, inflated.
-    pub noise: f64,
+    /// Classes learned from `kept`.
+    pub evidence: EvidenceModel,
 }
 
 /// Learns from the shapes of each class, for cameras at these `elevations` (radians, ascending). The same shapes and seed give the same
@@ -70,10 +71,10 @@ pub fn camera_densities(
     left_out: &LeftOut<'_>,
     elevations: &[f64],
     seed: u64,
-) -> Result<Learned, LinearError> {
+) -> Result<Learned, PerceiveError> {
     let components = feature_basis(classes, elevations, seed)?;
     let densities = fit(&left_out.kept, elevations, &components, seed, 2)?;
-    let calibration = calibrate(&densities, left_out, seed)?;
+    let calibration = calibrate(densities, left_out, seed)?;
     Ok(Learned { densities: fit(classes, elevations, &components, seed, 1)?, calibration })
 }
 
@@ -189,7 +190,7 @@ fn fit(
         regression: Vec::new(),
         deviations: Vec::new(),
     };
-    let scores = CameraScores::new(&densities);
+    let scores = CameraFeatures::new(&densities.basis, size);
     let ridge = (LEAST_VARIANCE * features.variance).max(1e-4);
     for e in 0..elevations.len() {
         let moments: Vec<Vec<Moments>> = (0..YAWS)
@@ -208,7 +209,7 @@ fn fit(
                         let turned = CameraDensities::yaw(step) + around(WINDOW * TAU / YAWS as f64, &mut rng);
                         let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
                         if let Some(sample) = see(object, turned, elevation, &mut rng) {
-                            scores.features(&sample.frame, &sample.observation, &mut shadow, &mut z);
+                            scores.of(&sample.frame, &sample.observation, &mut shadow, &mut z);
                             rows.extend_from_slice(&z);
                             offsets.push(sample.offsets(object, step));
                         }
@@ -251,8 +252,9 @@ struct Scored {
 }
 
 /// How sure the densities may be, on shapes that they have not seen.
-fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> Result<CameraCalibration, LinearError> {
-    let scores = CameraScores::new(densities);
+fn calibrate(densities: CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> Result<CameraCalibration, PerceiveError> {
+    let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
+    let scores = CameraScores::new(Arc::new(densities));
     let m = left_out.held.len();
     let of_class = |(s, shapes): (usize, &Vec<&'_ Occupancy>)| -> Vec<(usize, usize, usize)> {
         (0..shapes.len()).flat_map(|i| (0..SEEN).map(move |n| (s, i, i * SEEN + n))).collect()
@@ -260,15 +262,14 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
     let mut views: Vec<(usize, usize, usize)> = left_out.held.iter().enumerate().flat_map(of_class).collect();
     views.shuffle(&mut stream(seed, 1 << 23, 0));
     views.truncate(MOST_SEEN);
-    let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
-    let score = |(class, shape, view): &(usize, usize, usize)| -> Option<Result<Scored, LinearError>> {
+    let score = |(class, shape, view): &(usize, usize, usize)| -> Option<Result<Scored, PerceiveError>> {
         let mut rng = stream(seed, 1 << 22 | *class as u64, *view as u64);
         let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
         let turned: f64 = rng.random_range(0.0..TAU);
         let sample = see(left_out.held[*class][*shape], turned, elevation, &mut rng)?;
         let mut work = ViewWork::default();
         let mut scored = |told: &Told| {
-            scores.score(densities, &sample.frame, &sample.observation, told, &vec![true; m], &mut work);
+            scores.score(&sample.frame, &sample.observation, told, &vec![true; m], &mut work);
             let mut table = vec![f64::NEG_INFINITY; m * YAWS];
             work.cells.iter().for_each(|cell| table[cell.class * YAWS + cell.step] = cell.score);
             table
@@ -284,7 +285,7 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
     let yaw_loss = |weight: f64| -> f64 {
         let loss = |view: &Scored| {
             let of_class = &view.table[view.class * YAWS..(view.class + 1) * YAWS];
-            log_sum(of_class, weight) - weight * of_class[view.truth]
+            log_sum_exp(of_class.iter().map(|value| weight * value)) - weight * of_class[view.truth]
         };
         scored.iter().map(loss).sum::<f64>() / scored.len().max(1) as f64
     };
@@ -293,7 +294,12 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
     let pose_weight = WEIGHTS[best];
     let labels: Vec<usize> = scored.iter().map(|view| view.class).collect();
     let marginal = |of: fn(&Scored) -> &Vec<f64>| -> Vec<Vec<f64>> {
-        scored.iter().map(|view| of(view).chunks_exact(YAWS).map(|row| log_sum(row, pose_weight) / pose_weight).collect()).collect()
+        scored
+            .iter()
+            .map(|view| {
+                of(view).chunks_exact(YAWS).map(|row| log_sum_exp(row.iter().map(|value| pose_weight * value)) / pose_weight).collect()
+            })
+            .collect()
     };
     let fitted = fit_blend(&[marginal(|view| &view.table)], &labels, m, true)?;
     tracing::debug!(
@@ -317,6 +323,7 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
         pose_weight,
         blend: Blend { hull: fitted.weights[0], offsets: fitted.offsets, ..Blend::default() },
         together,
+        spread: None,
         views: labels.len(),
         accuracy: fitted.accuracy,
         log_loss: fitted.log_loss,
@@ -325,20 +332,14 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
 
 impl LeftOut<'_> {
     /// Log evidence of each class for a shape that lies as it truly does; none where the grids differ in size.
-    fn evidence(&self, sample: &Sample) -> Result<Vec<f64>, LinearError> {
+    fn evidence(&self, sample: &Sample) -> Result<Vec<f64>, PerceiveError> {
         let same = self.held.iter().flatten().next().is_some_and(|shape| shape.dims() == sample.observation.dims());
         if !same {
             return Ok(Vec::new());
         }
-        let mut evidence = PlacedEvidence::new(&sample.observation, Outside::Unknown, self.noise);
-        evidence.place(&sample.placed);
-        let of = |class: &ClassSubspace| evidence.of(class, sample.placed.scale, &mut Conditional::new(class.size()));
-        self.subspaces.iter().map(of).collect()
+        let mut scratch = EvidenceScratch::new(sample.observation.dims());
+        self.evidence.place(&sample.observation, &sample.placed, Outside::Unknown, &mut scratch)?;
+        let of = |class: usize| Ok(self.evidence.of_class(class, &mut scratch)?.log_ratio);
+        (0..self.held.len()).map(of).collect()
     }
-}
-
-/// log Σ exp(weight · value).
-fn log_sum(values: &[f64], weight: f64) -> f64 {
-    let peak = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    weight * peak + values.iter().map(|v| (weight * (v - peak)).exp()).sum::<f64>().ln()
 }
