@@ -225,10 +225,13 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         };
         let fold = &folds[0];
         let evidence = EvidenceModel { noise_variance: first.noise_variance * calibration.noise_inflation, ..first };
+        let evidence_blend = calibration.evidence.clone();
         let left_out = LeftOut {
             kept: of(&|s| fold.kept[s].clone()),
             held: of(&|s| fold.held.iter().filter(|(class, _)| *class == s).map(|(_, i)| *i).collect()),
             evidence,
+            evidence_blend: &evidence_blend,
+            longest_side: options.longest_side,
         };
         let learned = camera_densities(&data.classes, &left_out, &elevations, options.seed)?;
         calibration.camera = Some(learned.calibration);

@@ -154,6 +154,11 @@ pub struct CameraSpread {
     pub extent: [f64; 3],
 }
 
+impl CameraSpread {
+    /// Deviations as they are.
+    pub const ONE: Self = Self { place: [1.0; 3], extent: [1.0; 3] };
+}
+
 impl Default for CameraSpread {
     /// Of models that were learned before these were fitted: found on made-up household things that such models had not been trained on.
     fn default() -> Self {

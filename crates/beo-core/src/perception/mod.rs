@@ -31,8 +31,9 @@ mod percept;
 pub(crate) mod pool;
 pub mod pose;
 mod prepared;
-mod scored;
-mod timings;
+pub(crate) mod scored;
+mod settings;
+pub(crate) mod timings;
 
 pub use basis::projection::ColumnSums;
 pub use basis::reading::Reading;

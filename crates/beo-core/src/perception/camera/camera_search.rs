@@ -14,24 +14,13 @@ use crate::perception::percept::{Lay, ScaleSearch};
 use crate::perception::pool::Pool;
 use crate::perception::pose::merging::Merging;
 use crate::perception::pose::posterior::Sample;
-use crate::perception::prepared::Prepared;
 use crate::perception::scored::{MODE_RADIUS, Scored, Wanted};
+use crate::perception::settings::CAMERA;
 use crate::perception::timings::Clock;
 use crate::perception::{Method, PerceiveError, PoseSearch, Query};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-
-/// Modes of a class that are refined, at most; only those within so much of the best, in nats.
-const MOST_MODES: usize = 2;
-const HOPELESS: f64 = 3.0;
-/// Classes whose modes are refined: at least so likely by the view's densities, and at most so many.
-const LEAST_LIKELY: f64 = 0.05;
-const MOST_LIKELY: usize = 3;
-/// What is visible is this share of the longest side, and the place of the centre that far from that of what is visible (units), where no
-/// density says it.
-const VISIBLE: f64 = 0.92;
-const UNSURE: [f64; OFFSETS] = [0.1, 0.1, 1.5, 1.0, 1.0, 4.0, 4.0, 4.0];
 
 /// A class as it lies best.
 #[derive(Clone, Copy, Debug)]
@@ -100,9 +89,28 @@ impl Sureness<'_> {
     }
 }
 
+/// Log density over the yaw of a class: of the view, and the prior's.
+pub struct PoseDensity<'a> {
+    weight: f64,
+    /// At a yaw in the view's frame, radians.
+    log_prior: &'a dyn Fn(f64) -> f64,
+}
+
+impl PoseDensity<'_> {
+    fn of(&self, cell: &Cell) -> f64 {
+        self.weight * cell.score + (self.log_prior)(cell.yaw())
+    }
+}
+
 /// The search for class, yaw, size and place of what a camera sees.
 pub struct CameraSearch<'a> {
-    pub prepared: &'a Prepared,
+    /// The classes.
+    pub evidence: &'a EvidenceModel,
+    /// Weight and offsets of the evidence alone.
+    pub evidence_blend: &'a Blend,
+    /// Longest side of the training shapes, in voxels of the canonical grid.
+    pub longest_side: usize,
+    /// Densities of what cameras see, and how sure they may be.
     pub cameras: Option<&'a (CameraScores, CameraCalibration)>,
     pub query: &'a Query,
     pub wanted: &'a Wanted,
@@ -140,14 +148,19 @@ impl CameraSearch<'_> {
             let log_density = sure.pose_weight * cell.score + prior(&rotation);
             allowed.then_some(Sample { rotation, class: cell.class, log_density, share: 1.0 / YAWS as f64 })
         }));
-        for class in 0..self.prepared.classes() {
+        for class in 0..self.wanted.len() {
             let of_class = out.samples.iter().filter(|sample| sample.class == class).map(|sample| sample.log_density);
             let score = log_sum_exp(of_class) / sure.pose_weight;
             out.scores.push(score);
             out.posterior.push(sure.blend.log_posterior(class, sure.of_class(score), query.log_prior(class)));
         }
         softmax(&mut out.posterior);
-        self.refine_modes(seen, &frame, &told, sure.pose_weight, scratch, &out.posterior)?;
+        let log_prior = |angle: f64| match query.pose {
+            PoseSearch::Known => 0.0,
+            _ => prior(&yaw(frame.azimuth + angle)),
+        };
+        let poses = PoseDensity { weight: sure.pose_weight, log_prior: &log_prior };
+        self.refine_modes(seen, &frame, &told, &poses, scratch, &out.posterior)?;
         self.weigh_evidence(scratch, out);
         clock.classified();
         let class = most_probable(&out.posterior);
@@ -162,7 +175,7 @@ impl CameraSearch<'_> {
         match self.query.scale {
             ScaleSearch::Known => Told { yaw, scale: Some(scale), place: Some(place) },
             ScaleSearch::Search { side } => {
-                let longest = self.prepared.model.metadata.settings.longest_side as f64;
+                let longest = self.longest_side as f64;
                 Told { yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
             }
         }
@@ -180,8 +193,8 @@ impl CameraSearch<'_> {
             scores.score(frame, seen, told, self.wanted, &mut scratch.view);
             return Ok(Sureness { pose_weight: calibration.pose_weight, blend: &calibration.blend, by_density: true });
         }
-        let blend = &self.prepared.model.metadata.calibration.evidence;
-        let (evidence, pool) = (&self.prepared.evidence, &scratch.evidence);
+        let blend = self.evidence_blend;
+        let (evidence, pool) = (self.evidence, &scratch.evidence);
         let (angles, count) = steps(told);
         let expected = self.expectation(told);
         let classes = || (0..self.wanted.len()).filter(|class| self.wanted[*class]);
@@ -191,7 +204,7 @@ impl CameraSearch<'_> {
             let step = (angle.rem_euclid(TAU) / TAU * YAWS as f64).round() as usize % YAWS;
             let mut offsets = expected;
             offsets[0] = angle - CameraDensities::yaw(step);
-            cells.extend(classes().map(|class| Cell { class, step, score: 0.0, offsets, deviations: UNSURE }));
+            cells.extend(classes().map(|class| Cell { class, step, score: 0.0, offsets, deviations: CAMERA.unsure }));
         }
         cells.par_chunks_mut(classes().count().max(1)).zip(&angles[..count]).try_for_each(|(cells, angle)| {
             pool.with(
@@ -232,11 +245,11 @@ impl CameraSearch<'_> {
 
     /// Offsets that are expected where no density says them.
     fn expectation(&self, told: &Told) -> [f64; OFFSETS] {
-        let longest = self.prepared.model.metadata.settings.longest_side as f64;
-        let scale = told.scale.unwrap_or(SEEN / (VISIBLE * longest));
+        let longest = self.longest_side as f64;
+        let scale = told.scale.unwrap_or(SEEN / (CAMERA.visible_share * longest));
         // The hidden part is behind what is seen.
         let place = told.place.unwrap_or(Vector3::new(1.0, 0.0, 0.0));
-        let side = SEEN / VISIBLE;
+        let side = SEEN / CAMERA.visible_share;
         [0.0, scale.ln(), place.x, place.y, place.z, side, side, side]
     }
 
@@ -247,15 +260,15 @@ impl CameraSearch<'_> {
         seen: &Observation,
         frame: &ViewFrame,
         told: &Told,
-        pose_weight: f64,
+        poses: &PoseDensity<'_>,
         scratch: &mut CameraScratch,
         posterior: &[f64],
     ) -> Result<(), PerceiveError> {
         let CameraScratch { view, evidence: pool, order, merging, likely, starts, refined, modes, .. } = scratch;
         // Where all is told there is nothing to refine, and a class costs no more than its evidence.
         let (least, most) = match told {
-            Told { yaw: Some(_), scale: Some(_), place: Some(_) } => (1e-4, posterior.len()),
-            _ => (LEAST_LIKELY, MOST_LIKELY),
+            Told { yaw: Some(_), scale: Some(_), place: Some(_) } => (CAMERA.least_likely_of_known, posterior.len()),
+            _ => (CAMERA.least_likely, CAMERA.most_likely),
         };
         likely.clear();
         likely.extend((0..posterior.len()).filter(|class| posterior[*class] >= least));
@@ -264,11 +277,11 @@ impl CameraSearch<'_> {
         starts.clear();
         for (place, class) in likely.iter().enumerate() {
             // The most probable class is looked at more closely.
-            let most = if place == 0 { MOST_MODES } else { 1 };
-            best_cells(*class, pose_weight, &view.cells, most, order, merging, starts);
+            let most = if place == 0 { CAMERA.most_modes } else { 1 };
+            best_cells(*class, poses, &view.cells, most, order, merging, starts);
         }
-        let weight = self.prepared.model.metadata.calibration.evidence.evidence.max(1e-9);
-        let evidence = &self.prepared.evidence;
+        let weight = self.evidence_blend.evidence.max(1e-9);
+        let evidence = self.evidence;
         let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told };
         refined.clear();
         refined.resize(starts.len(), None);
@@ -277,7 +290,7 @@ impl CameraSearch<'_> {
             *refined = Some(mode);
             Ok::<_, PerceiveError>(())
         })?;
-        let value = |mode: &Mode| mode.refined.value + pose_weight * mode.cell.score;
+        let value = |mode: &Mode| mode.refined.value + poses.weight * mode.cell.score + (poses.log_prior)(mode.refined.parameters[0]);
         modes.clear();
         modes.extend(likely.iter().filter_map(|class| {
             let of_class = refined.iter().flatten().filter(|mode| mode.cell.class == *class);
@@ -317,9 +330,9 @@ fn position_deviation(frame: &ViewFrame, refined: &Refined, spread: &CameraSprea
 }
 
 /// The likely modes of a class among its cells, apart from each other, the best first; they are added to `starts`.
-pub fn best_cells(
+fn best_cells(
     class: usize,
-    pose_weight: f64,
+    poses: &PoseDensity<'_>,
     cells: &[Cell],
     most: usize,
     order: &mut Vec<usize>,
@@ -328,12 +341,13 @@ pub fn best_cells(
 ) {
     order.clear();
     order.extend((0..cells.len()).filter(|i| cells[*i].class == class && cells[*i].score.is_finite()));
-    order.sort_unstable_by(|a, b| cells[*b].score.total_cmp(&cells[*a].score).then(cells[*a].step.cmp(&cells[*b].step)));
+    let value = |i: usize| poses.of(&cells[i]);
+    order.sort_unstable_by(|a, b| value(*b).total_cmp(&value(*a)).then(cells[*a].step.cmp(&cells[*b].step)));
     merging.start(order.len());
     let near = |a: usize, b: usize| wrapped(cells[order[a]].yaw() - cells[order[b]].yaw()).abs() <= 2.0 * MODE_RADIUS;
     for _ in 0..most {
         let Some(place) = merging.next(near, |_| ()) else { break };
-        if pose_weight * (cells[order[0]].score - cells[order[place]].score) > HOPELESS {
+        if value(order[0]) - value(order[place]) > CAMERA.hopeless_nats {
             break;
         }
         starts.push(cells[order[place]]);

@@ -166,13 +166,15 @@ impl CameraScores {
 }
 
 impl Cell {
-    /// Adds a part of the mixture.
+    /// Adds a part of the mixture; its moments are those of the mixture, by the law of total variance: Σ w m and Σ w (s² + (m − mean)²).
     fn add(&mut self, score: f64, offsets: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) {
         let together = log_sum_exp([self.score, score].into_iter());
         let share = (score - together).exp();
         for j in 0..OFFSETS {
-            self.offsets[j] += share * (offsets[j] - self.offsets[j]);
-            self.deviations[j] += share * (deviations[j] - self.deviations[j]);
+            let apart = offsets[j] - self.offsets[j];
+            self.offsets[j] += share * apart;
+            let within = (1.0 - share) * self.deviations[j].powi(2) + share * deviations[j].powi(2);
+            self.deviations[j] = (within + share * (1.0 - share) * apart.powi(2)).sqrt();
         }
         self.score = together;
     }

@@ -15,6 +15,7 @@ use crate::perception::pose::grid::{count_for, rotations};
 use crate::perception::pose::posterior::Sample;
 use crate::perception::prepared::Prepared;
 use crate::perception::scored::{Scored, Wanted};
+use crate::perception::settings::PAPER;
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, PoseSearch, Query};
 use fixedbitset::FixedBitSet;
@@ -37,15 +38,6 @@ pub enum PaperPose {
     /// The same relative to the query's length (eq. 19).
     Reprojection,
 }
-
-/// Step of the coarse search about z, and its neighbourhood that is searched finely.
-const COARSE: f64 = 10.0 / 360.0 * TAU;
-/// Step of the fine search about z.
-const FINE: f64 = 1.0 / 360.0 * TAU;
-/// Step of the search over all rotations, as in the paper.
-const STEP: f64 = 20.0 / 360.0 * TAU;
-/// Best rotations of the coarse search over all that the density decides between.
-const FINALISTS: usize = 16;
 
 /// What one candidate gave.
 struct Looked {
@@ -84,22 +76,23 @@ impl PaperSearch<'_> {
         };
         let looked = match query.pose {
             PoseSearch::Yaw { span } => {
-                let count = (span / COARSE - 1e-9).ceil().max(1.0) as usize;
+                let count = (span / PAPER.coarse_rad - 1e-9).ceil().max(1.0) as usize;
                 let coarse: Vec<Rotation> = (0..count).map(|i| yaw(i as f64 * span / count as f64)).collect();
                 let found = look(&coarse, estimator)?;
                 let centre = best(&found) as f64 * span / count as f64;
-                let reach = (COARSE / FINE).round() as i32;
+                let reach = (PAPER.coarse_rad / PAPER.fine_rad).round() as i32;
                 let inside = |angle: &f64| span > TAU - 1e-9 || (0.0..span).contains(angle);
-                let fine: Vec<Rotation> = (-reach..=reach).map(|i| centre + f64::from(i) * FINE).filter(inside).map(yaw).collect();
+                let fine: Vec<Rotation> =
+                    (-reach..=reach).map(|i| centre + f64::from(i) * PAPER.fine_rad).filter(inside).map(yaw).collect();
                 // Eq. 21 in the neighbourhood of the coarse estimate.
                 look(&fine, if estimator == PaperPose::Edt { PaperPose::Density } else { estimator })?
             }
             _ => {
-                let candidates: Vec<Rotation> = rotations(count_for(STEP)).collect();
+                let candidates: Vec<Rotation> = rotations(count_for(PAPER.step_rad)).collect();
                 let mut found = look(&candidates, estimator)?;
                 if estimator == PaperPose::Edt {
                     found.sort_by(|a, b| b.score.total_cmp(&a.score));
-                    let finalists: Vec<Rotation> = found.iter().take(FINALISTS).map(|l| l.rotation).collect();
+                    let finalists: Vec<Rotation> = found.iter().take(PAPER.finalists).map(|l| l.rotation).collect();
                     found = look(&finalists, PaperPose::Density)?;
                 }
                 found

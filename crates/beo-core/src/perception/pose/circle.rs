@@ -12,20 +12,11 @@
 use super::climb::{Neighbours, climb, parabola};
 use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
+use crate::perception::settings::YAW;
 use std::f64::consts::TAU;
 
-/// Step of the coarse grid, at most; it divides the span.
-const COARSE: f64 = 10.0 / 360.0 * TAU;
-/// The same where there are hints.
-const COARSE_ELSEWHERE: f64 = 15.0 / 360.0 * TAU;
-/// Steps of the hill climbing, each in turn.
-const FINE: [f64; 3] = [5.0 / 360.0 * TAU, 2.0 / 360.0 * TAU, 1.0 / 360.0 * TAU];
 /// Moves by each of them, at most.
 const SWEEPS: usize = 4;
-/// Modes that are refined, at most …
-const MOST_MODES: usize = 8;
-/// … and only those whose peak on the coarse grid is within this of the best one's, in nats.
-const HOPELESS: f64 = 8.0;
 /// Angles nearer than this are the same.
 const SAME: f64 = 1e-7;
 
@@ -122,7 +113,7 @@ impl Circle<'_> {
     pub fn search<E>(&self, classes: usize, looked: &mut Looked, mut look: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<(), E> {
         looked.clear(classes);
         let mut look = |angle: f64, looked: &mut Looked| self.look(angle, looked, &mut look);
-        let step = if self.hints.is_empty() { COARSE } else { COARSE_ELSEWHERE };
+        let step = if self.hints.is_empty() { YAW.coarse_rad } else { YAW.coarse_elsewhere_rad };
         let count = (self.span / step - 1e-9).ceil().max(1.0) as usize;
         for i in 0..count {
             look(i as f64 * self.span / count as f64, looked)?;
@@ -169,14 +160,14 @@ impl Circle<'_> {
         peaks.extend((0..n).filter(|&i| below(i, left(i)) && below(i, right(i))).map(|i| (value(i), angles[i])));
         peaks.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.angle.total_cmp(&b.1.angle)));
         let best = peaks.first().map_or(0.0, |p| p.0);
-        peaks.retain(|p| p.0 >= best - HOPELESS);
-        peaks.truncate(MOST_MODES);
+        peaks.retain(|p| p.0 >= best - YAW.hopeless_nats);
+        peaks.truncate(YAW.most_modes);
     }
 
     /// Climbs from a peak of the coarse grid.
     fn climb<E>(&self, start: Angle, looked: &mut Looked, look: &mut impl FnMut(f64, &mut Looked) -> Result<Angle, E>) -> Result<(), E> {
         let mut top = start;
-        for step in FINE {
+        for step in YAW.fine_rad {
             (top, _) = climb((top, top.best.1), &[0], SWEEPS, Neighbours::Both, |at, _, side| {
                 let Some(next) = self.normal(at.angle + side * step) else { return Ok(None) };
                 look(next, looked).map(|next| Some((next, next.best.1)))
@@ -184,7 +175,7 @@ impl Circle<'_> {
         }
         // The top of a parabola through the best angle and its neighbours at two degrees, which smooths what nearest-neighbour
         // resampling adds.
-        let (wide, (class, height)) = (FINE[1], top.best);
+        let (wide, (class, height)) = (YAW.fine_rad[1], top.best);
         let mut sides = [0.0; 2];
         for (side, by) in sides.iter_mut().zip([-wide, wide]) {
             let Some(next) = self.normal(top.angle + by) else { return Ok(()) };

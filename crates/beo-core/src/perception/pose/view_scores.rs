@@ -132,7 +132,7 @@ mod tests {
             for cell in (0..CELLS).step_by(331) {
                 let tilt = Rotation::from_scaled_axis(Vector3::new(0.08, -0.06, 0.05) * if seed % 2 == 0 { 1.0 } else { -1.0 });
                 let truth = tilt * views.rotation(cell);
-                let map = HeightMap::of(&View::Top.of(&Turn::new(model.dims(), &truth).occupancy(&object)));
+                let map = HeightMap::of(&View::Top.of(&Turn::new(model().dims(), &truth).occupancy(&object)));
                 let screen = views.screen(&map, &[true; 3]);
                 before += views.rotation(cell).angle_to(&truth);
                 after += views.regressed(&screen, 0, cell).angle_to(&truth);
