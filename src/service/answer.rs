@@ -1,6 +1,7 @@
 //! One observation in, percept and completion out.
 
 use super::asked::ask;
+use super::belief::ClassBelief;
 use super::streams::Waiting;
 use super::tracks::Tracks;
 use beo_core::grid::{Observation, Rotation, from_xyzw, to_xyzw};
@@ -27,7 +28,11 @@ pub struct Answerer {
     query: Query,
     /// The search for observations that say that their pose is known.
     pose: perception::PoseSearch,
+    /// Log prior of the classes for objects that were not seen before; empty where it is uniform.
+    class_prior: Vec<f64>,
     tracks: Tracks,
+    /// The class posterior of the observation that is being answered, given all frames of its object.
+    filtered: Vec<f64>,
 }
 
 impl Answerer {
@@ -39,8 +44,10 @@ impl Answerer {
             percept: perception::Percept::default(),
             perceiver,
             pose: query.pose,
+            class_prior: query.log_prior.clone(),
             query,
             tracks: Tracks::default(),
+            filtered: Vec::new(),
         }
     }
 
@@ -75,8 +82,8 @@ impl Answerer {
         }
         let mut percept = Percept { received_ns: waiting.received_ns, model_id: self.perceiver.model().id, ..Percept::answering(header) };
         let started_ns = monotonic_ns();
-        self.ask(header);
-        let Self { perceiver, query, work, tracks, .. } = self;
+        let believed = self.ask(header, started_ns);
+        let Self { perceiver, query, work, tracks, filtered, .. } = self;
         let classified = match perceiver.classify(&waiting.observation, query, work, &mut self.percept) {
             Ok(classified) => classified,
             Err(error) => return internal(percept, &error.to_string()),
@@ -87,9 +94,17 @@ impl Answerer {
             let refusing = Percept::refusing(header, &Refusal::NothingSeen);
             return Percept { received_ns: percept.received_ns, model_id: percept.model_id, ..refusing };
         }
-        if query.pose != perception::PoseSearch::Known {
-            tracks.remember(header.producer_id, header.object_id, answer);
-        }
+        filtered.clone_from(&answer.posterior);
+        let is_filtered = believed.is_some();
+        let class = match believed {
+            Some(mut class) => {
+                class.update(filtered);
+                class
+            }
+            None => ClassBelief::first(filtered),
+        };
+        let searched = (query.pose != perception::PoseSearch::Known).then_some(answer);
+        tracks.remember(header.producer_id, header.object_id, started_ns, class, searched);
         let stamp = |since: Duration| started_ns + since.as_nanos() as u64;
         percept.projected_ns = stamp(answer.timings.projected);
         percept.classified_ns = stamp(answer.timings.classified);
@@ -100,19 +115,20 @@ impl Answerer {
         percept.method = method_code(query.method).code();
         percept.tasks = tasks::CLASS | tasks::POSE;
         for s in 0..classes {
-            percept.posterior[s] = answer.posterior[s] as f32;
+            percept.posterior[s] = filtered[s] as f32;
             percept.log_score[s] = answer.scores.get(s).copied().unwrap_or(0.0) as f32;
         }
         percept.hypothesis_count = answer.hypotheses.len().min(percept.hypotheses.len()) as u32;
         for (field, h) in percept.hypotheses.iter_mut().zip(&answer.hypotheses) {
-            let probability = h.probability as f32;
+            // Of the class over time, and of the pose in this frame.
+            let probability = (h.probability * filtered[h.class] / answer.posterior[h.class].max(f64::MIN_POSITIVE)) as f32;
             *field = Hypothesis { rotation_object_to_grid: quaternion(&h.rotation), class_index: h.class as u32, probability };
         }
         percept.rotation_spread_rad = answer.spread as f32;
         place(&mut percept, answer);
         let beyond = BeyondClass::of(answer);
         (percept.none_probability, percept.fit) = (beyond.none_probability, beyond.fit);
-        (percept.resting_pose, percept.filtered) = (beyond.resting_pose, u32::from(beyond.is_filtered));
+        (percept.resting_pose, percept.filtered) = (beyond.resting_pose, u32::from(is_filtered));
         if header.tasks & tasks::COMPLETION != 0 {
             match complete(classified, perceiver.model().id, query, server, header) {
                 Ok(()) => {
@@ -126,15 +142,25 @@ impl Answerer {
         percept
     }
 
-    /// Sets in the query what a header asks for, and where an object that continues another is to be expected.
-    fn ask(&mut self, header: &ObservationHeader) {
+    /// Sets in the query what a header asks for and what is expected of an object that it continues; gives what is believed of its class.
+    fn ask(&mut self, header: &ObservationHeader, now_ns: u64) -> Option<ClassBelief> {
         ask(&mut self.query, header, self.pose);
+        self.query.log_prior.clone_from(&self.class_prior);
+        let continued =
+            (header.continues != 0).then(|| self.tracks.of(header.producer_id, header.continued_object_id, now_ns)).flatten()?;
         if header.rotation_prior_concentration == 0.0
-            && header.continues != 0
-            && let Some(expected) = self.tracks.expectation(header.producer_id, header.continued_object_id)
+            && let Some(expected) = &continued.expected_rotation
         {
             self.query.rotation_prior = expected.clone();
         }
+        continued.class.log_prior(&mut self.query.log_prior);
+        // A class that is left out stays out.
+        for (expected, prior) in self.query.log_prior.iter_mut().zip(&self.class_prior) {
+            if *prior == f64::NEG_INFINITY {
+                *expected = *prior;
+            }
+        }
+        Some(continued.class)
     }
 }
 
@@ -163,7 +189,6 @@ struct BeyondClass {
     none_probability: f32,
     fit: f32,
     resting_pose: u32,
-    is_filtered: bool,
 }
 
 impl BeyondClass {
@@ -172,7 +197,7 @@ impl BeyondClass {
         let number = |value: Option<f64>| value.map_or(NOT_COMPUTED, |value| value as f32);
         let (none_probability, fit) = (number(answer.none_probability), number(answer.fit));
         let resting_pose = answer.resting_pose.map_or(NO_RESTING_POSE, |place| place as u32);
-        Self { none_probability, fit, resting_pose, is_filtered: false }
+        Self { none_probability, fit, resting_pose }
     }
 }
 
