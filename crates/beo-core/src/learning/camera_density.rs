@@ -12,7 +12,7 @@ use crate::grid::{Dims, Observation, Occupancy, Outside, Placed, Rotation, yaw};
 use crate::linear::LinearError;
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::camera::camera_search::{CameraScratch, CameraSearch};
-use crate::perception::camera::{CELLS, CameraFeatures, CameraScores, Shadow, ShadowImage, Told, ViewFrame, ViewWork};
+use crate::perception::camera::{CELLS, CameraFeatures, CameraScores, KnownPlacement, Shadow, ShadowImage, ViewFrame, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
 use crate::perception::scored::Scored;
@@ -54,7 +54,7 @@ const MOST_VOXELS: usize = 64 * 64 * 64;
 /// Factors on the log density among which left-out shapes choose for the yaw.
 const WEIGHTS: [f64; 8] = [0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0];
 
-/// What was learned.
+/// Outcome of the learning.
 pub struct Learned {
     /// The densities, from all shapes.
     pub densities: CameraDensities,
@@ -254,7 +254,7 @@ fn fit(
     Ok(densities)
 }
 
-/// What one view of a shape that was left out says.
+/// Scores of one view of a shape that was left out.
 struct ViewScores {
     class: usize,
     /// The step of its yaw.
@@ -286,15 +286,15 @@ fn calibrate(densities: CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> R
     let score = |place: &(usize, usize, usize)| -> Option<Result<ViewScores, PerceiveError>> {
         let (class, sample) = (place.0, look(place)?);
         let mut work = ViewWork::default();
-        let mut scored = |told: &Told| {
+        let mut scored = |told: &KnownPlacement| {
             scores.score(&sample.frame, &sample.observation, told, &vec![true; m], &mut work);
             let mut table = vec![f64::NEG_INFINITY; m * YAWS];
             work.cells.iter().for_each(|cell| table[cell.class * YAWS + cell.step] = cell.score);
             table
         };
         let (rotation, scale, place) = sample.frame.seen(&sample.placed);
-        let table = scored(&Told::default());
-        let told = scored(&Told { yaw: Some(crate::grid::yaw_of(&rotation)), scale: Some(scale), place: Some(place) });
+        let table = scored(&KnownPlacement::default());
+        let told = scored(&KnownPlacement { yaw: Some(crate::grid::yaw_of(&rotation)), scale: Some(scale), place: Some(place) });
         let truth = (0..YAWS).min_by(|a, b| rest_of(&rotation, *a).abs().total_cmp(&rest_of(&rotation, *b).abs()))?;
         let evidence = left_out.evidence(&sample);
         Some(evidence.map(|evidence| ViewScores { class, truth, table, told, evidence }))
@@ -406,8 +406,10 @@ impl LeftOut<'_> {
             let away = placed.shift - sample.placed.shift;
             let length = |axis: usize| (high[axis] - low[axis]) as f64 * sample.placed.scale;
             Some(Ok([
-                std::array::from_fn(|axis| away[axis].abs() / found.position_deviation[axis].max(1e-6)),
-                std::array::from_fn(|axis| (found.extent[axis] - length(axis)).abs() / found.extent_deviation[axis].max(1e-6)),
+                std::array::from_fn(|axis| away[axis].abs() / found.position_deviation_voxels[axis].max(1e-6)),
+                std::array::from_fn(|axis| {
+                    (found.extent_voxels[axis] - length(axis)).abs() / found.extent_deviation_voxels[axis].max(1e-6)
+                }),
             ]))
         };
         let errors: Vec<[[f64; 3]; 2]> = samples().filter_map(answer).collect::<Result<_, _>>()?;

@@ -108,7 +108,7 @@ pub enum TrainError {
 /// A step of the training, for progress reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// What is being done.
+    /// Name of the step.
     pub name: &'static str,
     /// The longest side of the grid on which it is done: models of large grids have smaller ones too.
     pub side: usize,

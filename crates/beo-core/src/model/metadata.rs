@@ -1,4 +1,4 @@
-//! What a model file says of itself: JSON in the safetensors header.
+//! Description of a model in its file: JSON in the safetensors header.
 
 use crate::grid::{Dims, View};
 use serde::{Deserialize, Serialize};
@@ -110,7 +110,7 @@ pub struct Calibration {
     pub noise_inflation: f64,
     /// Completion.
     pub completion: CompletionCalibration,
-    /// What cameras see, if it was learned.
+    /// Views of cameras, if they were learned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraCalibration>,
     /// Held-out objects that the fit used.

@@ -7,7 +7,7 @@ use super::evidence::known::Known;
 use super::evidence::placed::EvidenceModel;
 use super::evidence::subspace::Conditional;
 use super::prepared::Prepared;
-use super::scored::{Scored, Wanted};
+use super::scored::{ClassMask, Scored};
 use super::settings::LEAST_SHARE_OF_BEST;
 use super::timings::Clock;
 use super::{Method, PerceiveError, Query};
@@ -126,7 +126,7 @@ impl KnownPose<'_> {
     fn score_evidence(
         &self,
         known: &Known,
-        likely: &Wanted,
+        likely: &ClassMask,
         posteriors: &mut ClassPosteriors,
         clock: &mut Clock,
         scores: &mut Scores,

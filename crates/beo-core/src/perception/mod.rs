@@ -36,7 +36,7 @@ mod settings;
 pub(crate) mod timings;
 
 pub use basis::projection::ColumnSums;
-pub use basis::reading::Reading;
+pub use basis::reading::BasisRows;
 pub use basis::shared_rows::{SharedRows, SharedSums};
 pub use completion::{LEAST_SHARE, MOST_PARTS};
 pub use densities::gaussian::Gaussian;
@@ -49,6 +49,6 @@ pub use needs::{derived_bytes, workspace_bytes};
 pub use paper::pose::PaperPose;
 pub use paper::projection::Projection;
 pub use perceiver::{Classified, Perceiver, Workspace};
-pub use percept::{Frame, Lay, Percept, Query, ScaleSearch};
+pub use percept::{Frame, ObjectBox, Percept, Query, ScaleSearch};
 pub use pose::{Hypothesis, PoseSearch, RotationPrior};
 pub use timings::Timings;

@@ -1,4 +1,4 @@
-//! What searches are tuned by: one table, with units and where each value comes from. How sure scores may be is not here but in the model's
+//! Settings of the searches: one table, with units and where each value comes from. How sure scores may be is not here but in the model's
 //! [`Calibration`](crate::model::Calibration), which is fitted to its own shapes.
 
 /// Radians of an angle in degrees.
@@ -87,9 +87,9 @@ pub(super) struct CameraSettings {
     pub most_likely: usize,
     /// The same where yaw, size and place are known, so that a class costs no more than its evidence: all that are at least so probable.
     pub least_likely_of_known: f64,
-    /// What is visible takes this share of the longest side, where no density says it.
+    /// The visible part takes this share of the longest side, where no density says it.
     pub visible_share: f64,
-    /// Standard deviations then: yaw (radians), log size, place (units of the view's frame, of which what is visible takes twenty), lengths (units).
+    /// Standard deviations then: yaw (radians), log size, place (units of the view's frame, of which the visible part takes twenty), lengths (units).
     pub unsure: [f64; crate::model::OFFSETS],
 }
 

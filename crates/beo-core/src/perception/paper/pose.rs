@@ -14,7 +14,7 @@ use crate::perception::pool::Pool;
 use crate::perception::pose::grid::{count_for, rotations};
 use crate::perception::pose::posterior::Sample;
 use crate::perception::prepared::Prepared;
-use crate::perception::scored::{Scored, Wanted};
+use crate::perception::scored::{ClassMask, Scored};
 use crate::perception::settings::PAPER;
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, PoseSearch, Query};
@@ -39,8 +39,8 @@ pub enum PaperPose {
     Reprojection,
 }
 
-/// What one candidate gave.
-struct Looked {
+/// A candidate and its scores.
+struct ScoredRotation {
     rotation: Rotation,
     /// The estimator's score, larger is better.
     score: f64,
@@ -52,7 +52,7 @@ struct Looked {
 pub struct PaperSearch<'a> {
     pub prepared: &'a Prepared,
     pub query: &'a Query,
-    pub wanted: &'a Wanted,
+    pub wanted: &'a ClassMask,
     pub pool: &'a Pool<ObjectFrame>,
 }
 
@@ -67,10 +67,10 @@ impl PaperSearch<'_> {
             other => other,
         };
         let prior = query.rotation_prior.log_density(query.pose);
-        let look = |candidates: &[Rotation], estimator: PaperPose| -> Result<Vec<Looked>, PerceiveError> {
+        let look = |candidates: &[Rotation], estimator: PaperPose| -> Result<Vec<ScoredRotation>, PerceiveError> {
             candidates.par_iter().map(|r| self.look(*r, estimator, prior(r), seen)).collect()
         };
-        let best = |looked: &[Looked]| {
+        let best = |looked: &[ScoredRotation]| {
             let better = |best: usize, i: usize| if looked[i].score > looked[best].score { i } else { best };
             (0..looked.len()).fold(0, better)
         };
@@ -120,7 +120,7 @@ impl PaperSearch<'_> {
         Ok(())
     }
 
-    fn look(&self, rotation: Rotation, estimator: PaperPose, prior: f64, seen: &Observation) -> Result<Looked, PerceiveError> {
+    fn look(&self, rotation: Rotation, estimator: PaperPose, prior: f64, seen: &Observation) -> Result<ScoredRotation, PerceiveError> {
         let rows = &self.prepared.evidence.rows;
         self.pool.with(
             || ObjectFrame::new(rows.dims()),
@@ -138,7 +138,7 @@ impl PaperSearch<'_> {
         prior: f64,
         paper: &PaperModel,
         frame: &ObjectFrame,
-    ) -> Result<Looked, PerceiveError> {
+    ) -> Result<ScoredRotation, PerceiveError> {
         let (query, known) = (self.query, frame.known());
         let (gram, b) = paper.normal_equations(known);
         let projected = projection::solve(&gram, &b, query.projection)?;
@@ -162,7 +162,7 @@ impl PaperSearch<'_> {
             }
             PaperPose::Edt => -self.distance_error(frame.observation(), &single),
         };
-        Ok(Looked { rotation, score, densities })
+        Ok(ScoredRotation { rotation, score, densities })
     }
 
     /// Eq. 20 on the known voxels: ‖D − D̂‖, D of the filled voxels, D̂ of the back-projection's voxels of at least ½.

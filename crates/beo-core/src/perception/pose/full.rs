@@ -4,7 +4,7 @@
 //! peaks, moved by a regression and averaged with what lies around them, are refined (`refine`) and ranked by that score and
 //! the evidence. Of any other observation: the evidence of all rotations of a grid, then the same refinement.
 //!
-//! What it is tuned by stands in `settings`. Of objects held out of ModelNet10, the right mode was among the first eight of the known class for
+//! Its settings stand in `settings`. Of objects held out of ModelNet10, the right mode was among the first eight of the known class for
 //! 95 % of the views; what is wrong after that is the ranking of look-alike sides.
 
 use super::grid::{count_for, rotations};
@@ -18,19 +18,19 @@ use crate::perception::evidence::known::Known;
 use crate::perception::evidence::placed::{Evidence, EvidenceScratch};
 use crate::perception::pool::Pool;
 use crate::perception::prepared::{Here, Prepared};
-use crate::perception::scored::{Scored, Wanted};
+use crate::perception::scored::{ClassMask, Scored};
 use crate::perception::settings::FULL;
 use crate::perception::timings::Clock;
 use crate::perception::{Method, PerceiveError, Query};
 use rayon::prelude::*;
 
-/// What is known beforehand.
+/// Prior knowledge.
 struct Prior<'a> {
     /// Log density over rotations, relative to the uniform one.
     log_density: &'a (dyn Fn(&Rotation) -> f64 + Sync),
     /// Rotations to look at besides the grid.
     hints: Vec<Rotation>,
-    wanted: &'a Wanted,
+    wanted: &'a ClassMask,
 }
 
 impl Prior<'_> {
@@ -85,7 +85,7 @@ pub struct FullSearch<'a> {
     pub prepared: &'a Prepared,
     pub here: &'a Here,
     pub query: &'a Query,
-    pub wanted: &'a Wanted,
+    pub wanted: &'a ClassMask,
     /// Which view of the model's the observation was taken from, if one.
     pub view: Option<usize>,
 }
