@@ -121,7 +121,7 @@ impl Perceive {
                     "filtered": false,
                     "cut": [],
                     "hypotheses": percept.hypotheses.iter().map(hypothesis).collect::<Vec<_>>(),
-                    "rotation_spread_rad": percept.spread,
+                    "rotation_spread_rad": percept.rotation_spread_rad,
                     "completion": { "dims": <[usize; 3]>::from(model.dims()), "filled": filled },
                 });
                 say!("{line}");
@@ -132,7 +132,7 @@ impl Perceive {
                 let (name, p) = ranked[0];
                 let pose = match query.pose {
                     PoseSearch::Known => String::new(),
-                    _ => format!(", {}", describe_pose(&percept.rotation, percept.spread)),
+                    _ => format!(", {}", describe_pose(&percept.rotation, percept.rotation_spread_rad)),
                 };
                 say!("{}: {name} {:.1} % ({}){pose}, {filled} voxels filled", file.display(), 100.0 * p, others.join(", "));
             }

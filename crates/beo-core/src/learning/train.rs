@@ -108,7 +108,7 @@ pub enum TrainError {
 /// A step of the training, for progress reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// What is being done.
+    /// Name of the step.
     pub name: &'static str,
     /// The longest side of the grid on which it is done: models of large grids have smaller ones too.
     pub side: usize,
@@ -225,10 +225,13 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         };
         let fold = &folds[0];
         let evidence = EvidenceModel { noise_variance: first.noise_variance * calibration.noise_inflation, ..first };
+        let evidence_blend = calibration.evidence.clone();
         let left_out = LeftOut {
             kept: of(&|s| fold.kept[s].clone()),
             held: of(&|s| fold.held.iter().filter(|(class, _)| *class == s).map(|(_, i)| *i).collect()),
             evidence,
+            evidence_blend: &evidence_blend,
+            longest_side: options.longest_side,
         };
         let learned = camera_densities(&data.classes, &left_out, &elevations, options.seed)?;
         calibration.camera = Some(learned.calibration);
