@@ -96,7 +96,9 @@ impl Perceive {
                 Ok(())
             });
             if let Err(failure) = answer {
-                eprintln!("beo: {}: {failure}", file.display());
+                // Errors of reading name the file themselves.
+                let (name, text) = (file.display().to_string(), failure.to_string());
+                if text.contains(&name) { eprintln!("beo: {text}") } else { eprintln!("beo: {name}: {text}") }
                 failed += 1;
                 continue;
             }
