@@ -51,11 +51,12 @@ fn answer(header: &ObservationHeader, voxels: &[u8]) {
     ask(&mut query, header, PoseSearch::Known);
     SCRATCH.with_borrow_mut(|scratch| {
         let (work, percept) = scratch.get_or_insert_with(|| (perceiver.workspace(), Percept::default()));
-        if perceiver.classify(&observation, &query, work, percept).is_ok() {
-            let total: f64 = percept.posterior.iter().sum();
+        if let Ok(classified) = perceiver.classify(&observation, &query, work, percept) {
+            let found = classified.percept();
+            let total: f64 = found.posterior.iter().sum();
             assert!((total - 1.0).abs() < 1e-6, "the posterior sums to {total}");
-            assert!(percept.rotation.coords.iter().all(|value| value.is_finite()) && percept.spread.is_finite());
-            if perceiver.complete(&query, work, percept).is_ok() {
+            assert!(found.rotation.coords.iter().all(|value| value.is_finite()) && found.rotation_spread_rad.is_finite());
+            if classified.complete().is_ok() {
                 assert!(percept.occupancy.iter().all(|p| (0.0..=1.0).contains(p)), "occupancies are probabilities");
             }
         }
@@ -101,6 +102,13 @@ pub(super) fn header(bytes: &[u8; HEADER]) -> ObservationHeader {
         sensor_position_m: [(); 3].map(|()| f32::from_le_bytes(take(left))),
         scale_search: u32::from_le_bytes(take(left)),
         known_side_m: f32::from_le_bytes(take(left)),
+        known_side_deviation_m: f32::from_le_bytes(take(left)),
+        unit: u32::from_le_bytes(take(left)),
+        cut: u32::from_le_bytes(take(left)),
+        share_support: f32::from_le_bytes(take(left)),
+        share_edge: f32::from_le_bytes(take(left)),
+        share_far: f32::from_le_bytes(take(left)),
+        surface_deviation_m: f32::from_le_bytes(take(left)),
         reserved: take(left),
     };
     assert!(left.is_empty(), "every field was read");
@@ -134,6 +142,9 @@ fn bytes_of(header: &ObservationHeader) -> Vec<u8> {
     header.rotation_prior.iter().chain(&header.sensor_position_m).for_each(|value| put(&value.to_le_bytes()));
     put(&header.scale_search.to_le_bytes());
     put(&header.known_side_m.to_le_bytes());
+    put(&header.known_side_deviation_m.to_le_bytes());
+    [header.unit, header.cut].iter().for_each(|value| put(&value.to_le_bytes()));
+    [header.share_support, header.share_edge, header.share_far, header.surface_deviation_m].iter().for_each(|value| put(&value.to_le_bytes()));
     put(&header.reserved);
     bytes
 }
@@ -157,6 +168,9 @@ pub fn seeds() -> Vec<Vec<u8>> {
                 completion_frame: variant & 1,
                 rotation_prior: [0.0, 0.6, 0.0, 0.8],
                 rotation_prior_concentration: 4.0 * variant as f32,
+                unit: variant & 1,
+                cut: variant,
+                share_edge: 0.25 * variant as f32,
                 ..good
             };
             let mut bytes = bytes_of(&header);

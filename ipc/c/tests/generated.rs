@@ -26,11 +26,11 @@ const fn message<M: Layout>(rust: &'static str, c: &'static str, type_name: &'st
 
 /// The messages, nested ones before those that contain them.
 const MESSAGES: [Message; 5] = [
-    message::<ObservationHeader>("ObservationHeader", "beo_observation_header", "beo.v1.ObservationHeader"),
-    message::<Hypothesis>("Hypothesis", "beo_hypothesis", "beo.v1.Hypothesis"),
-    message::<Percept>("Percept", "beo_percept", "beo.v1.Percept"),
-    message::<CompletionHeader>("CompletionHeader", "beo_completion_header", "beo.v1.CompletionHeader"),
-    message::<Status>("Status", "beo_daemon_status", "beo.v1.Status"),
+    message::<ObservationHeader>("ObservationHeader", "beo_observation_header", "beo.v2.ObservationHeader"),
+    message::<Hypothesis>("Hypothesis", "beo_hypothesis", "beo.v2.Hypothesis"),
+    message::<Percept>("Percept", "beo_percept", "beo.v2.Percept"),
+    message::<CompletionHeader>("CompletionHeader", "beo_completion_header", "beo.v2.CompletionHeader"),
+    message::<Status>("Status", "beo_daemon_status", "beo.v2.Status"),
 ];
 
 fn repository() -> PathBuf {
@@ -60,4 +60,15 @@ fn the_c_header_is_current() {
 #[test]
 fn the_python_messages_are_current() {
     check("examples/python/beo_messages.py", &python::text());
+}
+
+#[test]
+fn the_page_of_the_contract_names_every_field_and_type() {
+    let page = std::fs::read_to_string(repository().join("docs/channels.md")).unwrap();
+    for message in MESSAGES {
+        assert!(message.rust == "Hypothesis" || page.contains(message.type_name), "{}", message.type_name);
+        for field in message.fields {
+            assert!(page.contains(&format!("`{}`", field.name)), "{}.{}", message.rust, field.name);
+        }
+    }
 }

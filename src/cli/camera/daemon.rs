@@ -1,11 +1,11 @@
 //! Grids into the shared memory of a daemon, and the count of what it answers.
 
-use super::sink::{Finish, Shown, Sink, place};
+use super::sink::{Finish, Shown, Sink};
 use crate::cli::failure::Failure;
 use beo_camera::Carver;
 use beo_camera::carve;
 use beo_ipc::text::{from_field, to_field};
-use beo_ipc::{PerceptStatus, Producer, Subscriber};
+use beo_ipc::{CarvedGrid, ObservationHeader, PerceptStatus, Producer, Subscriber};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,10 +23,27 @@ pub(super) struct Daemon {
     stop: Arc<AtomicBool>,
     /// The answers set the pace.
     in_step: bool,
+    /// The objects' longest side, if all have the same.
+    known_side_m: Option<f64>,
     /// What was sent and has no answer yet: frame and object.
     pending: BTreeMap<u64, (String, u64)>,
-    /// Sent, answered, refused, without an answer.
-    counts: [u64; 4],
+    answers: Answers,
+}
+
+/// What became of observations.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Answers {
+    sent: u64,
+    pub(super) answered: u64,
+    refused: u64,
+    unanswered: u64,
+}
+
+impl std::fmt::Display for Answers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} observations sent, {} answered, {} refused", self.sent, self.answered, self.refused)?;
+        if self.unanswered > 0 { write!(f, ", {} not answered", self.unanswered) } else { Ok(()) }
+    }
 }
 
 impl Sink for Daemon {
@@ -37,13 +54,22 @@ impl Sink for Daemon {
         let mut loan = self.producer.loan()?;
         carve(carver, loan.voxels_mut())?;
         finish(loan.voxels_mut())?;
-        let header = loan.header_mut();
-        place(header, &carver.grid);
-        (header.object_id, header.capture_ns, header.sensor_stamp_ns) = (carver.object.into(), of.captured_ns, of.stamp_ns);
-        header.frame_id = to_field(of.frame_id);
+        let template = *loan.header();
+        *loan.header_mut() = ObservationHeader {
+            producer_id: template.producer_id,
+            pose_search: template.pose_search,
+            capture_ns: of.captured_ns,
+            sensor_stamp_ns: of.stamp_ns,
+            frame_id: to_field(of.frame_id),
+            ..ObservationHeader::of_grid(&CarvedGrid {
+                object_id: carver.object.into(),
+                known_side_m: self.known_side_m.unwrap_or(0.0),
+                ..CarvedGrid::from(&carver.grid)
+            })?
+        };
         let sent = loan.send()?;
         self.pending.insert(sent.sequence, (of.frame.to_owned(), carver.object.into()));
-        self.counts[0] += 1;
+        self.answers.sent += 1;
         self.drain()?;
         Ok(())
     }
@@ -55,17 +81,15 @@ impl Sink for Daemon {
 
 impl Daemon {
     /// Nothing is sent yet. `in_step`: the answers set the pace.
-    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool) -> Self {
-        Self { producer, subscriber, stop, in_step, pending: BTreeMap::new(), counts: [0; 4] }
+    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool, known_side_m: Option<f64>) -> Self {
+        Self { producer, subscriber, stop, in_step, known_side_m, pending: BTreeMap::new(), answers: Answers::default() }
     }
 
-    /// Waits for the answers that are still to come, and says what was sent and answered.
-    pub(super) fn finish(mut self) -> Result<String, Failure> {
+    /// Waits for the answers that are still to come.
+    pub(super) fn finish(mut self) -> Result<Answers, Failure> {
         self.settle(0)?;
         self.give_up(|_, _| true)?;
-        let [sent, answered, refused, unanswered] = self.counts;
-        let missing = if unanswered > 0 { format!(", {unanswered} not answered") } else { String::new() };
-        Ok(format!("{sent} observations sent, {answered} answered, {refused} refused{missing}"))
+        Ok(self.answers)
     }
 
     /// Takes the percepts that have come; how many were ours.
@@ -78,7 +102,7 @@ impl Daemon {
             let Some((frame, object)) = self.pending.remove(&percept.sequence) else { continue };
             count += 1;
             let is_ok = percept.status == PerceptStatus::Ok.code();
-            self.counts[if is_ok { 1 } else { 2 }] += 1;
+            *(if is_ok { &mut self.answers.answered } else { &mut self.answers.refused }) += 1;
             if !is_ok {
                 say!("{frame}: object {object} was refused: {}", from_field(&percept.explanation));
             }
@@ -112,11 +136,23 @@ impl Daemon {
     fn give_up(&mut self, is_lost: impl Fn(u64, u64) -> bool) -> Result<(), Failure> {
         let lost: Vec<u64> = self.pending.iter().filter(|(sequence, (_, object))| is_lost(**sequence, *object)).map(|(s, _)| *s).collect();
         for (frame, object) in lost.iter().filter_map(|sequence| self.pending.remove(sequence)).collect::<Vec<_>>() {
-            self.counts[3] += 1;
+            self.answers.unanswered += 1;
             say!(
                 "{frame}: object {object} was not answered: a newer frame of it came first, or there was no time; use a lower --rate, or none"
             );
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_are_counted_in_one_line_and_missing_ones_named_only_where_there_are_some() {
+        let answers = Answers { sent: 3, answered: 2, refused: 1, unanswered: 0 };
+        assert_eq!(answers.to_string(), "3 observations sent, 2 answered, 1 refused");
+        assert!(Answers { unanswered: 4, ..answers }.to_string().ends_with("1 refused, 4 not answered"));
     }
 }
