@@ -443,8 +443,12 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
     };
     let objects: Vec<_> = library.files.par_iter().map(read).collect();
 
-    let mut loaded =
-        Shapes { set: ShapeSet { classes: library.classes.clone(), shapes: Vec::new() }, skipped: Vec::new(), shared: Vec::new(), notes: Vec::new() };
+    let mut loaded = Shapes {
+        set: ShapeSet { classes: library.classes.clone(), shapes: Vec::new() },
+        skipped: Vec::new(),
+        shared: Vec::new(),
+        notes: Vec::new(),
+    };
     // The first shape of each class that has given voxels.
     let mut seen: HashMap<Occupancy, Vec<usize>> = HashMap::new();
     for (file, object) in library.files.iter().zip(objects) {
