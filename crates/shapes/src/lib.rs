@@ -33,7 +33,7 @@ pub use closing::Close;
 pub use error::{FormatError, ReadError};
 pub use gltf::parse_gltf;
 pub use mesh::{Mesh, MeshError, PointCloud, Up};
-pub use npy::{parse_npy, parse_npy_observation, parse_npz, parse_npz_observation, write_npy_observation};
+pub use npy::{parse_npy, parse_npy_observation, parse_npz, parse_npz_observation, write_npy_labels, write_npy_observation};
 pub use obj::parse_obj;
 pub use off::{parse_off, write_off};
 pub use ply::parse_ply;

@@ -66,6 +66,20 @@ pub fn write_npy_observation(out: &mut impl Write, observation: &Observation) ->
     out.write_all(&codes)
 }
 
+/// Writes a label image as a two-dimensional u16 array of `[height, width]`, little-endian.
+///
+/// # Errors
+/// The writer's, or that the labels are not one for each pixel.
+pub fn write_npy_labels(out: &mut impl Write, [width, height]: [usize; 2], labels: &[u16]) -> std::io::Result<()> {
+    if labels.len() != width * height {
+        let message = format!("{} labels for {width} × {height} pixels", labels.len());
+        return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, message));
+    }
+    write_npy_header::<u16>(out, &[height, width])?;
+    let bytes: Vec<u8> = labels.iter().flat_map(|label| label.to_le_bytes()).collect();
+    out.write_all(&bytes)
+}
+
 /// A grid with a byte for each voxel, in C order.
 struct Grid {
     dims: Dims,
