@@ -98,7 +98,11 @@ impl Perceive {
             if let Err(failure) = answer {
                 // Errors of reading name the file themselves.
                 let (name, text) = (file.display().to_string(), failure.to_string());
-                if text.contains(&name) { eprintln!("beo: {text}") } else { eprintln!("beo: {name}: {text}") }
+                if text.contains(&name) {
+                    eprintln!("beo: {text}")
+                } else {
+                    eprintln!("beo: {name}: {text}")
+                }
                 failed += 1;
                 continue;
             }

@@ -129,7 +129,10 @@ impl View {
         let across = Vector3::ith(least, 1.0);
         let across = (across - direction * direction.dot(&across)).normalize();
         let axes = [across, direction.cross(&across), direction];
-        let corner = |c: usize| Vector3::new(dims.x() as f64, dims.y() as f64, dims.z() as f64).map_with_location(|a, _, n| if c >> a & 1 == 1 { n } else { 0.0 });
+        let corner = |c: usize| {
+            Vector3::new(dims.x() as f64, dims.y() as f64, dims.z() as f64)
+                .map_with_location(|a, _, n| if c >> a & 1 == 1 { n } else { 0.0 })
+        };
         let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
         for corner in (0..8).map(corner) {
             let seen = Vector3::from(axes.map(|axis| axis.dot(&corner)));

@@ -67,7 +67,9 @@ fn vertex(corner: &[u8], so_far: usize, vertices: usize) -> Result<u32, String> 
     let word = corner.split(|b| *b == b'/').next().unwrap_or_default();
     let outside = || {
         let word = String::from_utf8_lossy(word);
-        format!("a face names vertex {word}: out of bounds, expected 1 to {vertices}, or -1 to -{so_far} counted back from the last vertex so far")
+        format!(
+            "a face names vertex {word}: out of bounds, expected 1 to {vertices}, or -1 to -{so_far} counted back from the last vertex so far"
+        )
     };
     match whole::<i64>(word) {
         None => Err(format!("expected the index of a vertex, {}", found_index(Some(word)))),

@@ -57,7 +57,10 @@ pub(super) fn read_off(bytes: &[u8]) -> Result<Content, FormatError> {
     };
     let most = bytes.len() + 1;
     if vertices > most / least_vertex || faces > most / least_face {
-        return Err(error(line, format!("{vertices} vertices and {faces} faces do not fit into a file of {} bytes: it is incomplete", bytes.len())));
+        return Err(error(
+            line,
+            format!("{vertices} vertices and {faces} faces do not fit into a file of {} bytes: it is incomplete", bytes.len()),
+        ));
     }
 
     let mut points = Vec::with_capacity(vertices);
@@ -117,7 +120,15 @@ mod tests {
         let good = parse_off(format!("OFF\n5 2 0{BODY}").as_bytes()).unwrap();
         assert_eq!(good.triangles(), [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
         assert_eq!(good.vertices()[2], Point3::new(1.0, 2.0, 0.0));
-        for header in ["OFF5 2 0", "OFF 5 2 0", "# made by hand\nOFF\n# counts\n5 2", "OFF\r\n5 2 0\r", "COFF\n5 2 0", "\u{feff}OFF\n5 2 0", "OFF\r5 2 0"] {
+        for header in [
+            "OFF5 2 0",
+            "OFF 5 2 0",
+            "# made by hand\nOFF\n# counts\n5 2",
+            "OFF\r\n5 2 0\r",
+            "COFF\n5 2 0",
+            "\u{feff}OFF\n5 2 0",
+            "OFF\r5 2 0",
+        ] {
             assert_eq!(parse_off(format!("{header}{BODY}").as_bytes()).as_ref(), Ok(&good), "{header}");
         }
     }
@@ -126,7 +137,10 @@ mod tests {
     fn malformed_files_are_refused_with_the_line() {
         let message = |text: &str| parse_off(text.as_bytes()).unwrap_err().to_string();
         assert_eq!(message("ply\n"), "OFF, line 1: expected `OFF`, found `ply`");
-        assert!(message("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0.0 1.0 2.0\n").contains("line 6: expected 3 indices of vertices from 0 to 2, found `0.0`, which is not a whole"));
+        assert!(
+            message("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0.0 1.0 2.0\n")
+                .contains("line 6: expected 3 indices of vertices from 0 to 2, found `0.0`, which is not a whole")
+        );
         assert!(message("OFF BINARY\n").contains("binary OFF files are not read"));
         assert!(message("OFF\n2 0 0\n0 0 0\n1 0 0\n").contains("point cloud"));
         assert!(message("OFF").contains("ends before its counts"));

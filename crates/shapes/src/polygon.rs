@@ -286,9 +286,18 @@ mod tests {
     fn holes_behind_bridges_stay_open() {
         // A square of 10 with two square holes, each on a bridge.
         let points = [
-            [0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0],
-            [2.0, 2.0], [2.0, 4.0], [4.0, 4.0], [4.0, 2.0],
-            [6.0, 6.0], [6.0, 8.0], [8.0, 8.0], [8.0, 6.0],
+            [0.0, 0.0],
+            [10.0, 0.0],
+            [10.0, 10.0],
+            [0.0, 10.0],
+            [2.0, 2.0],
+            [2.0, 4.0],
+            [4.0, 4.0],
+            [4.0, 2.0],
+            [6.0, 6.0],
+            [6.0, 8.0],
+            [8.0, 8.0],
+            [8.0, 6.0],
         ]
         .map(|[x, y]| [x, y, 0.0]);
         let polygon = [0, 4, 5, 6, 8, 9, 10, 11, 8, 6, 7, 4, 0, 1, 2, 3];
@@ -314,10 +323,12 @@ mod tests {
         assert!(message.starts_with("X, line 7: a polygon of 4 corners cannot be cut into triangles"), "{message}");
         let even = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2.0, 1.0, 0.0]];
         assert!(triangulated(&even, &[0, 1, 2, 3]).is_err());
-        let star: Vec<[f64; 3]> = (0..5).map(|n| (f64::from(n) * 4.0 * std::f64::consts::PI / 5.0).sin_cos()).map(|(s, c)| [s, c, 0.0]).collect();
+        let star: Vec<[f64; 3]> =
+            (0..5).map(|n| (f64::from(n) * 4.0 * std::f64::consts::PI / 5.0).sin_cos()).map(|(s, c)| [s, c, 0.0]).collect();
         assert!(triangulated(&star, &[0, 1, 2, 3, 4]).is_err());
 
-        let mut surface = Surface::new("X", crossed.iter().chain(&[[1e4, 0.0, 0.0], [0.0, 1e4, 0.0]]).copied().map(Point3::from).collect()).unwrap();
+        let mut surface =
+            Surface::new("X", crossed.iter().chain(&[[1e4, 0.0, 0.0], [0.0, 1e4, 0.0]]).copied().map(Point3::from).collect()).unwrap();
         surface.polygon(&[0, 1, 2, 3], Place::Byte(7));
         surface.triangle([0, 4, 5]);
         assert!(matches!(surface.finish(), Ok(Content::Mesh(_))));

@@ -217,7 +217,10 @@ impl std::fmt::Display for Note {
             ),
             Self::Closed { added } => write!(f, "the mesh was open and has been closed: {:.0} % of its voxels were added", 100.0 * added),
             Self::PointCloud { points } => {
-                write!(f, "a point cloud of {points} points: the voxels that hold one are filled, and what they enclose (--close hull fills more)")
+                write!(
+                    f,
+                    "a point cloud of {points} points: the voxels that hold one are filled, and what they enclose (--close hull fills more)"
+                )
             }
             Self::Resampled { from } => write!(f, "resampled from {from} voxels"),
             Self::Count(text) => f.write_str(text),

@@ -98,7 +98,8 @@ fn read_binary(bytes: &[u8]) -> Result<Content, FormatError> {
         for (n, corner) in triangle.iter_mut().enumerate() {
             let point = [0, 4, 8].map(|axis| coordinate(12 + 12 * n + axis));
             if !point.iter().all(|c| c.is_finite()) {
-                let problem = format!("triangle {t} (counted from 0) has a coordinate that is not a number or infinite: export the mesh again");
+                let problem =
+                    format!("triangle {t} (counted from 0) has a coordinate that is not a number or infinite: export the mesh again");
                 return Err(FormatError::Byte { format: FORMAT, byte: HEADER + t * TRIANGLE + 12 + 12 * n, problem });
             }
             *corner = corners.index(point)?;
@@ -164,7 +165,10 @@ fn read_text(bytes: &[u8]) -> Result<Content, FormatError> {
                     facet.clear();
                 }
                 _ => {
-                    return Err(wrong(format!("expected solid, facet, outer loop, vertex, endloop, endfacet or endsolid, {}", found(Some(word)))));
+                    return Err(wrong(format!(
+                        "expected solid, facet, outer loop, vertex, endloop, endfacet or endsolid, {}",
+                        found(Some(word))
+                    )));
                 }
             }
         }
@@ -222,8 +226,13 @@ mod tests {
                 assert_eq!(note, format!("the header says {count} triangles, the size of the file 2: all 2 were read"));
             }
         }
-        for text_variant in [TEXT.replace('\n', "\r"), TEXT.replace("endsolid", "end solid"), TEXT.replace("endloop", "END LOOP"),
-            format!("\u{feff}{TEXT}"), TEXT.replace("\nendsolid second", " endsolid").replace('\n', "\r\n")] {
+        for text_variant in [
+            TEXT.replace('\n', "\r"),
+            TEXT.replace("endsolid", "end solid"),
+            TEXT.replace("endloop", "END LOOP"),
+            format!("\u{feff}{TEXT}"),
+            TEXT.replace("\nendsolid second", " endsolid").replace('\n', "\r\n"),
+        ] {
             assert_eq!(parse_stl(text_variant.as_bytes()).as_ref(), Ok(&text), "{text_variant:?}");
             assert_eq!(stl_count_note(text_variant.as_bytes()), None);
         }
@@ -240,9 +249,15 @@ mod tests {
         odd.push(0);
         assert!(message(&odd).contains("the header says 0 triangles, after which there are 51 bytes more"));
         assert!(message(b"solid\nfacet normal 0 0 0\n").contains("ends before `endsolid`"));
-        assert!(message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 inf\nendsolid").contains("line 4: expected `vertex` and three finite"));
+        assert!(
+            message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 inf\nendsolid")
+                .contains("line 4: expected `vertex` and three finite")
+        );
         assert!(message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0\nendsolid").contains("found nothing more"));
-        assert!(message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 1\nendloop\nendfacet\nendsolid").contains("line 6: a facet of 1 vertices"));
+        assert!(
+            message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 1\nendloop\nendfacet\nendsolid")
+                .contains("line 6: a facet of 1 vertices")
+        );
         assert!(message(b"solid\nfacets\nendsolid").contains("line 2: expected solid, facet"));
     }
 

@@ -328,14 +328,13 @@ fn voxel_files_of_other_sizes_are_refused_or_resampled() {
 fn point_clouds_become_the_voxels_that_hold_a_point() {
     let folder = tempfile::tempdir().unwrap();
     let on_surface = |n: &i32| [n / 1600, n / 40 % 40, n % 40].iter().any(|c| *c == 0 || *c == 39);
-    let points: Vec<Vec<f64>> = (0..64_000)
-        .filter(on_surface)
-        .map(|n| vec![f64::from(n / 1600), f64::from(n / 40 % 40) / 2.0, f64::from(n % 40) * 0.75])
-        .collect();
+    let points: Vec<Vec<f64>> =
+        (0..64_000).filter(on_surface).map(|n| vec![f64::from(n / 1600), f64::from(n / 40 % 40) / 2.0, f64::from(n % 40) * 0.75]).collect();
     let text = rows(points.clone());
     let count = points.len();
     let ply = ply_header("ascii", count, "face", 0);
-    let bare: String = ply.lines().filter(|line| !line.contains("face") && !line.contains("list")).map(|line| format!("{line}\n")).collect();
+    let bare: String =
+        ply.lines().filter(|line| !line.contains("face") && !line.contains("list")).map(|line| format!("{line}\n")).collect();
     for (name, text) in [
         ("a.ply", bare + &text),
         ("face0.ply", ply + &text),
@@ -411,7 +410,11 @@ fn every_refused_file_says_what_is_wrong() {
         ("short.stl", stl_binary(b"binary", 9999), &["STL, byte 80", "9999 triangles", "incomplete"]),
         ("odd.stl", [stl_binary(b"binary", 7), vec![0; 3]].concat(), &["STL, byte 80", "says 7 triangles", "bytes more"]),
         ("cut.stl", stl_text(&points)[..500].into(), &["STL, line"]),
-        ("float-index.ply", ply_text(&points).replace("list int int", "list int float").into(), &["PLY", "floating-point", "list uchar int"]),
+        (
+            "float-index.ply",
+            ply_text(&points).replace("list int int", "list int float").into(),
+            &["PLY", "floating-point", "list uchar int"],
+        ),
         ("no-vertex.ply", "ply\nformat ascii 1.0\nelement face 0\nend_header\n".into(), &["PLY", "no element `vertex`"]),
         ("cut.ply", ply_binary(&[vec![0, 1, 2]], "face", false)[..250].to_vec(), &["PLY", "do not fit", "incomplete"]),
         ("draco.gltf", draco.into(), &["glTF", "compressed", "without compression"]),

@@ -25,10 +25,8 @@ pub fn parse_npy_image(bytes: &[u8]) -> Result<Raster, FormatError> {
         return Err(error(format!("{columns} × {rows} pixels: expected 1 to {MOST_PIXELS}")));
     }
     let (length, width) = (bytes.len() - header.start, header.width);
-    let is_known = matches!(
-        (header.kind, width),
-        (NpyKind::Bool, 1) | (NpyKind::Unsigned | NpyKind::Signed, 1 | 2 | 4 | 8) | (NpyKind::Float, 4 | 8)
-    );
+    let is_known =
+        matches!((header.kind, width), (NpyKind::Bool, 1) | (NpyKind::Unsigned | NpyKind::Signed, 1 | 2 | 4 | 8) | (NpyKind::Float, 4 | 8));
     if !is_known {
         return Err(error(format!("type {}: expected float32, float64, whole numbers or bool", header.type_name())));
     }

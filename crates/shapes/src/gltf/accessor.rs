@@ -108,11 +108,18 @@ impl<'a> Reader<'a> {
             return Err(format!("accessor {index} holds positions, but is not of type VEC3"));
         }
         let divisor = if accessor.normalized { divisor(kind) } else { 1.0 };
-        let vector = |bytes: &[u8]| [0, 1, 2].map(|axis| (component(&bytes[axis * size..], kind) / divisor).max(if accessor.normalized { -1.0 } else { f64::NEG_INFINITY }));
+        let vector = |bytes: &[u8]| {
+            [0, 1, 2].map(|axis| {
+                (component(&bytes[axis * size..], kind) / divisor).max(if accessor.normalized { -1.0 } else { f64::NEG_INFINITY })
+            })
+        };
         let dense = accessor.view.map(|view| self.elements(view, accessor.byte_offset, count, 3 * size)).transpose()?;
         let mut sparse = Vec::new();
         if let Some(part) = &accessor.sparse {
-            let fewer = usize::try_from(part.count).ok().filter(|n| *n <= count).ok_or_else(|| format!("accessor {index} has more sparse values than elements"))?;
+            let fewer = usize::try_from(part.count)
+                .ok()
+                .filter(|n| *n <= count)
+                .ok_or_else(|| format!("accessor {index} has more sparse values than elements"))?;
             let index_type = part.indices.component_type.unwrap_or(UNSIGNED_INT);
             let places = self.elements(part.indices.view, part.indices.byte_offset, fewer, self::size(index_type)?)?;
             let values = self.elements(part.values.view, part.values.byte_offset, fewer, 3 * size)?;
@@ -142,7 +149,9 @@ impl<'a> Reader<'a> {
         let (accessor, count) = self.accessor(index)?;
         let kind = accessor.component_type;
         if accessor.kind != Kind::Scalar || !matches!(kind, UNSIGNED_BYTE | UNSIGNED_SHORT | UNSIGNED_INT) {
-            return Err(format!("accessor {index} holds indices: expected SCALAR of unsigned bytes, shorts or ints (5121, 5123, 5125), found type {kind}"));
+            return Err(format!(
+                "accessor {index} holds indices: expected SCALAR of unsigned bytes, shorts or ints (5121, 5123, 5125), found type {kind}"
+            ));
         }
         let view = accessor.view.filter(|_| accessor.sparse.is_none());
         let view = view.ok_or_else(|| format!("accessor {index} holds indices, but is sparse or names no buffer view"))?;

@@ -26,7 +26,12 @@ pub(super) struct Geometry {
 /// Collects the triangles of the default scene, or of all nodes where there is none; the points where it has no triangles.
 pub(super) fn geometry(document: &Document, buffers: &[Cow<[u8]>], bytes: usize) -> Result<Geometry, String> {
     let most = MOST_PER_BYTE * bytes + MOST_MORE;
-    let mut walk = Walk { reader: Reader { document, buffers, most: bytes }, most, found: Geometry::default(), seen: vec![false; document.nodes.len()] };
+    let mut walk = Walk {
+        reader: Reader { document, buffers, most: bytes },
+        most,
+        found: Geometry::default(),
+        seen: vec![false; document.nodes.len()],
+    };
     let placed = walk.placed()?;
     walk.place(&placed, |mode| matches!(mode, TRIANGLES | STRIP | FAN))?;
     if walk.found.triangles.is_empty() {
@@ -111,7 +116,8 @@ impl Walk<'_> {
         let Some(position) = primitive.attributes.position else { return Ok(()) };
         let count = self.reader.count(position)?;
         let first = self.found.vertices.len();
-        let too_many = |what: &str, most: usize| format!("more than {most} {what} in all, its nodes placing the same meshes often: simplify the mesh");
+        let too_many =
+            |what: &str, most: usize| format!("more than {most} {what} in all, its nodes placing the same meshes often: simplify the mesh");
         if first + count > self.most {
             return Err(too_many("vertices", self.most));
         }
@@ -135,7 +141,9 @@ impl Walk<'_> {
         let corners: Box<dyn Iterator<Item = [u32; 3]>> = match mode {
             TRIANGLES if indices.len() % 3 != 0 => return Err(format!("{} indices: expected three for each triangle", indices.len())),
             TRIANGLES => Box::new(indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]])),
-            STRIP => Box::new(indices.windows(3).enumerate().map(|(n, t)| if n % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })),
+            STRIP => {
+                Box::new(indices.windows(3).enumerate().map(|(n, t)| if n % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] }))
+            }
             _ => Box::new(indices.windows(2).skip(1).map(|pair| [indices[0], pair[0], pair[1]])),
         };
         for [a, b, c] in corners {

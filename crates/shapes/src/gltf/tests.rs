@@ -76,7 +76,8 @@ fn nodes_place_their_meshes() {
     let mut placed = document();
     // Turned by 90° about z, after doubling; below a node that moves.
     let half = 0.5_f64.sqrt();
-    placed["nodes"] = json!([{ "children": [1], "translation": [10, 0, 0] }, { "mesh": 0, "rotation": [0, 0, half, half], "scale": [2, 2, 2] }]);
+    placed["nodes"] =
+        json!([{ "children": [1], "translation": [10, 0, 0] }, { "mesh": 0, "rotation": [0, 0, half, half], "scale": [2, 2, 2] }]);
     let mesh = parse_gltf(&glb(&placed, &binary())).unwrap();
     for (found, [x, y, z]) in corners(&mesh).iter().flatten().zip(expected().iter().flatten()) {
         let wanted = [10.0 - 2.0 * y, 2.0 * x, 2.0 * z];
@@ -104,11 +105,18 @@ fn strips_fans_strides_sparse_and_quantised_positions_are_read() {
     assert_eq!(with(6, &[0, 1, 2, 3]).unwrap(), [[0, 1, 2], [0, 2, 3]]);
     assert!(with(4, &[0, 1, 2, 3]).unwrap_err().to_string().contains("4 indices: expected three for each"));
     assert!(with(4, &[0, 1, 4]).unwrap_err().to_string().contains("index 2 of accessor 1 names vertex 4: expected 0 to 3"));
-    let points = read_gltf(&glb(&{
-        let mut changed = document();
-        changed["meshes"][0]["primitives"][0]["mode"] = 0.into();
-        changed
-    }, &binary()), &|_| Err(String::new())).unwrap();
+    let points = read_gltf(
+        &glb(
+            &{
+                let mut changed = document();
+                changed["meshes"][0]["primitives"][0]["mode"] = 0.into();
+                changed
+            },
+            &binary(),
+        ),
+        &|_| Err(String::new()),
+    )
+    .unwrap();
     assert!(matches!(points, Content::Points(cloud) if cloud.points().len() == 4));
 
     // Shorts with a stride, divided by 32767; the third position is put in.
@@ -142,11 +150,15 @@ fn malformed_files_are_refused_by_what_is_wrong() {
         message
     };
     assert!(message(&|d| d["asset"]["version"] = "1.0".into()).contains("asset version 1.0: expected 2.0"));
-    assert!(message(&|d| d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"])).contains("compressed (KHR_draco_mesh_compression)"));
+    assert!(
+        message(&|d| d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"])).contains("compressed (KHR_draco_mesh_compression)")
+    );
     assert!(message(&|d| d["scene"] = 3.into()).contains("scene 3 does not exist"));
     assert!(message(&|d| d["nodes"][0]["mesh"] = 3.into()).contains("mesh 3 does not exist"));
     assert!(message(&|d| d["nodes"][0]["children"] = json!([0])).contains("expected a tree"));
-    assert!(message(&|d| d["accessors"][0]["count"] = 5.into()).contains("5 elements of 12 bytes do not fit into buffer view 0 of 48 bytes"));
+    assert!(
+        message(&|d| d["accessors"][0]["count"] = 5.into()).contains("5 elements of 12 bytes do not fit into buffer view 0 of 48 bytes")
+    );
     assert!(message(&|d| d["accessors"][0]["count"] = json!(u64::MAX)).contains("more than the file has bytes"));
     assert!(message(&|d| d["accessors"][0]["componentType"] = 7.into()).contains("component type 7"));
     assert!(message(&|d| d["accessors"][0]["type"] = "VEC2".into()).contains("not of type VEC3"));

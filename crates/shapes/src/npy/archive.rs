@@ -141,7 +141,9 @@ impl Member {
         }
         if method != 0 && method != 8 {
             let name = printable(&member.name);
-            return Err(format!("member `{name}` is packed by method {method}: expected stored or deflated, as numpy.savez_compressed writes"));
+            return Err(format!(
+                "member `{name}` is packed by method {method}: expected stored or deflated, as numpy.savez_compressed writes"
+            ));
         }
         Ok(Some((member, length)))
     }

@@ -60,7 +60,15 @@ impl NpyHeader {
         let text = std::str::from_utf8(header).map_err(|_| "the header is not text")?;
         let entries = entries(text).ok_or("the header is not that of a plain array (a record or a damaged file)")?;
         let (kind, width, is_big_endian) = number_type(entries.descr).ok_or_else(|| format!("unknown type `{}`", short(entries.descr)))?;
-        Ok(Self { kind, width, is_big_endian, is_fortran: entries.is_fortran, shape: entries.shape, start: start + length, descr: entries.descr.into() })
+        Ok(Self {
+            kind,
+            width,
+            is_big_endian,
+            is_fortran: entries.is_fortran,
+            shape: entries.shape,
+            start: start + length,
+            descr: entries.descr.into(),
+        })
     }
 
     /// The type as NumPy calls it, such as `float32`.
@@ -101,7 +109,11 @@ impl NpyHeader {
         let count = self.count().filter(|count| count.checked_mul(T::WIDTH) == Some(data.len()));
         let count = count.ok_or_else(|| {
             let shape = self.shape_name();
-            format!("{} bytes of data for an array of shape {shape} and {} bytes each: the file is incomplete or damaged", data.len(), T::WIDTH)
+            format!(
+                "{} bytes of data for an array of shape {shape} and {} bytes each: the file is incomplete or damaged",
+                data.len(),
+                T::WIDTH
+            )
         })?;
         let number = |n: usize| T::from_bytes(&data[n * T::WIDTH..(n + 1) * T::WIDTH], self.is_big_endian);
         Ok(match self.is_fortran {
@@ -227,7 +239,8 @@ fn entries(text: &str) -> Option<Entries<'_>> {
                 (descr, rest) = (Some(value), after);
             }
             "fortran_order" if is_fortran.is_none() => {
-                let (value, after) = [("True", true), ("False", false)].iter().find_map(|(word, value)| Some((*value, rest.strip_prefix(word)?)))?;
+                let (value, after) =
+                    [("True", true), ("False", false)].iter().find_map(|(word, value)| Some((*value, rest.strip_prefix(word)?)))?;
                 (is_fortran, rest) = (Some(value), after);
             }
             "shape" if shape.is_none() => {
@@ -290,7 +303,10 @@ mod tests {
         assert_eq!(numbers::<i16>(big, "000100020003fffc0005003c"), whole.map(|n| n as i16));
         let quarters = whole.map(|n| f64::from(n) / 4.0);
         let doubles = "{'descr': '>f8', 'fortran_order': False, 'shape': (2, 3), }";
-        assert_eq!(numbers::<f64>(doubles, "3fd00000000000003fe00000000000003fe8000000000000bff00000000000003ff4000000000000402e000000000000"), quarters);
+        assert_eq!(
+            numbers::<f64>(doubles, "3fd00000000000003fe00000000000003fe8000000000000bff00000000000003ff4000000000000402e000000000000"),
+            quarters
+        );
         let singles = "{'descr': '<f4', 'fortran_order': True, 'shape': (2, 3), }";
         assert_eq!(numbers::<f32>(singles, "0000803e000080bf0000003f0000a03f0000403f00007041"), quarters.map(|n| n as f32));
         assert_eq!(numbers::<u8>("{'descr': '|u1', 'fortran_order': False, 'shape': (3,), }", "070809"), [7, 8, 9]);
@@ -325,7 +341,9 @@ mod tests {
         assert!(refused("{'descr': 'object', 'fortran_order': False, 'shape': (3,), }").contains("unknown type `object`"));
         let text = NpyHeader::parse(&numpy_file("{'descr': '<U7', 'fortran_order': False, 'shape': (3,), }", "")).unwrap();
         assert_eq!((text.kind, text.type_name().as_str(), text.shape_name().as_str()), (NpyKind::Other, "`<U7`", "(3,)"));
-        let huge = NpyHeader::parse(&numpy_file("{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296, 4294967296), }", "")).unwrap();
+        let huge =
+            NpyHeader::parse(&numpy_file("{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296, 4294967296), }", ""))
+                .unwrap();
         assert_eq!(huge.count(), None);
         assert!(huge.numbers::<f32>(&[0; 200]).unwrap_err().contains("incomplete or damaged"));
     }

@@ -1,7 +1,7 @@
 //! NumPy's `.npy` and `.npz` files: complete shapes (bool, or u8 of 0 and 1) and observations (u8 of 0, 1 and 255), axes x, y, z.
 
-mod array;
 mod archive;
+mod array;
 
 pub use self::array::{LONGEST_HEADER, NpyHeader, NpyKind, NpyNumber, write_npy_header};
 

@@ -167,7 +167,8 @@ impl Header {
 /// What follows `property`.
 fn property<'a>(line: usize, mut words: impl Iterator<Item = &'a [u8]>) -> Result<Property, FormatError> {
     const TYPES: &str = "char, uchar, short, ushort, int, uint, float or double";
-    let number = |word: Option<&[u8]>| word.and_then(Number::of).ok_or_else(|| wrong(line, format!("expected a type ({TYPES}), {}", found(word))));
+    let number =
+        |word: Option<&[u8]>| word.and_then(Number::of).ok_or_else(|| wrong(line, format!("expected a type ({TYPES}), {}", found(word))));
     let first = words.next();
     let scalar = match first {
         Some(b"list") => {

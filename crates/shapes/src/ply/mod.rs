@@ -144,7 +144,11 @@ impl Outlines {
                     }
                 }
             }
-            if is_strip { lay_strip(&polygon, surface) } else { surface.polygon(&polygon, place) }
+            if is_strip {
+                lay_strip(&polygon, surface)
+            } else {
+                surface.polygon(&polygon, place)
+            }
             start = end;
         }
         if self.any_short {
@@ -229,7 +233,10 @@ mod tests {
         let one = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
             property list int int vertex_indices\nend_header\n1 2 3\n";
         assert!(message(&format!("{one}3 0 0 -1\n")).contains("PLY, line 11: an index names vertex -1: expected 0 to 0"));
-        assert!(message(&format!("{one}3 0.0 0.0 0.0\n")).contains("line 11: expected 3 whole numbers of `vertex_indices`, found `0.0`, which is not"));
+        assert!(
+            message(&format!("{one}3 0.0 0.0 0.0\n"))
+                .contains("line 11: expected 3 whole numbers of `vertex_indices`, found `0.0`, which is not")
+        );
         assert!(message(&format!("{}3 0 0 0\n", one.replace("int int", "int float"))).contains("a list of floating-point numbers"));
         assert!(message(&format!("{one}3 0 0 0 0\n")).contains("line 11: more values than"));
         assert!(message(&format!("{one}\n\n3 0 0 7\n")).contains("PLY, line 13: an index names vertex 7"));
