@@ -84,11 +84,11 @@ impl Perceive {
             let answer = self.view.source(file, &read, &self.camera).and_then(|source| {
                 query.camera = source.camera();
                 let observation = source.turned_by(self.turn.to_radians());
-                perceiver.classify(&observation, &query, &mut work, &mut percept)?;
-                if !percept.informed {
+                let classified = perceiver.classify(&observation, &query, &mut work, &mut percept)?;
+                if !classified.percept().informed {
                     return Ok(());
                 }
-                perceiver.complete(&query, &mut work, &mut percept)?;
+                classified.complete()?;
                 if self.pictures.is_wanted() {
                     let name = file.file_stem().unwrap_or_default().to_string_lossy();
                     Shown::of_file(place + 1, &name, &names, &observation, query.camera, &percept).save(&self.pictures)?;
@@ -96,7 +96,13 @@ impl Perceive {
                 Ok(())
             });
             if let Err(failure) = answer {
-                eprintln!("beo: {}: {failure}", file.display());
+                // Errors of reading name the file themselves.
+                let (name, text) = (file.display().to_string(), failure.to_string());
+                if text.contains(&name) {
+                    eprintln!("beo: {text}")
+                } else {
+                    eprintln!("beo: {name}: {text}")
+                }
                 failed += 1;
                 continue;
             }
@@ -121,7 +127,7 @@ impl Perceive {
                     "filtered": false,
                     "cut": [],
                     "hypotheses": percept.hypotheses.iter().map(hypothesis).collect::<Vec<_>>(),
-                    "rotation_spread_rad": percept.spread,
+                    "rotation_spread_rad": percept.rotation_spread_rad,
                     "completion": { "dims": <[usize; 3]>::from(model.dims()), "filled": filled },
                 });
                 say!("{line}");
@@ -132,7 +138,7 @@ impl Perceive {
                 let (name, p) = ranked[0];
                 let pose = match query.pose {
                     PoseSearch::Known => String::new(),
-                    _ => format!(", {}", describe_pose(&percept.rotation, percept.spread)),
+                    _ => format!(", {}", describe_pose(&percept.rotation, percept.rotation_spread_rad)),
                 };
                 say!("{}: {name} {:.1} % ({}){pose}, {filled} voxels filled", file.display(), 100.0 * p, others.join(", "));
             }

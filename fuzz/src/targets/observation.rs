@@ -1,9 +1,9 @@
 //! What a producer may write: any header and any payload, through the daemon's checks, its copy and its answer.
 
 use super::small_model::{SIDE, model};
+use beo::service::ask;
 use beo_core::grid::{Dims, Observation, UNKNOWN};
 use beo_core::perception::{Perceiver, Percept, PoseSearch, Query, Workspace};
-use beo::service::ask;
 use beo_ipc::validate::validate;
 use beo_ipc::{ObservationHeader, PerceptStatus, text};
 use std::cell::RefCell;
@@ -51,11 +51,12 @@ fn answer(header: &ObservationHeader, voxels: &[u8]) {
     ask(&mut query, header, PoseSearch::Known);
     SCRATCH.with_borrow_mut(|scratch| {
         let (work, percept) = scratch.get_or_insert_with(|| (perceiver.workspace(), Percept::default()));
-        if perceiver.classify(&observation, &query, work, percept).is_ok() {
-            let total: f64 = percept.posterior.iter().sum();
+        if let Ok(classified) = perceiver.classify(&observation, &query, work, percept) {
+            let found = classified.percept();
+            let total: f64 = found.posterior.iter().sum();
             assert!((total - 1.0).abs() < 1e-6, "the posterior sums to {total}");
-            assert!(percept.rotation.coords.iter().all(|value| value.is_finite()) && percept.spread.is_finite());
-            if perceiver.complete(&query, work, percept).is_ok() {
+            assert!(found.rotation.coords.iter().all(|value| value.is_finite()) && found.rotation_spread_rad.is_finite());
+            if classified.complete().is_ok() {
                 assert!(percept.occupancy.iter().all(|p| (0.0..=1.0).contains(p)), "occupancies are probabilities");
             }
         }
@@ -143,7 +144,9 @@ fn bytes_of(header: &ObservationHeader) -> Vec<u8> {
     put(&header.known_side_m.to_le_bytes());
     put(&header.known_side_deviation_m.to_le_bytes());
     [header.unit, header.cut].iter().for_each(|value| put(&value.to_le_bytes()));
-    [header.share_support, header.share_edge, header.share_far, header.surface_deviation_m].iter().for_each(|value| put(&value.to_le_bytes()));
+    [header.share_support, header.share_edge, header.share_far, header.surface_deviation_m]
+        .iter()
+        .for_each(|value| put(&value.to_le_bytes()));
     put(&header.reserved);
     bytes
 }

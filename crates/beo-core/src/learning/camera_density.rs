@@ -10,9 +10,14 @@ use super::components::principal_components;
 use super::regressed::{Moments, regressed};
 use crate::grid::{Dims, Observation, Occupancy, Outside, Placed, Rotation, yaw};
 use crate::linear::LinearError;
-use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
-use crate::perception::camera::{CELLS, CameraScores, Shadow, ShadowImage, Told, ViewFrame, ViewWork};
-use crate::perception::{ClassSubspace, Conditional, PlacedEvidence};
+use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
+use crate::perception::camera::camera_search::{CameraScratch, CameraSearch};
+use crate::perception::camera::{CELLS, CameraFeatures, CameraScores, KnownPlacement, Shadow, ShadowImage, ViewFrame, ViewWork};
+use crate::perception::densities::log_sum::log_sum_exp;
+use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
+use crate::perception::scored::Scored;
+use crate::perception::timings::Clock;
+use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
 use crate::simulation::{Conditions, Eye, View};
 use faer::Mat;
 use half::f16;
@@ -22,6 +27,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// Most features.
 const FEATURES: usize = 64;
@@ -38,12 +44,17 @@ const DISTANCES: [f64; 2] = [2.5, 6.0];
 /// Views for the calibration: so many per shape that is left out, but no more in all.
 const SEEN: usize = 4;
 const MOST_SEEN: usize = 2400;
+/// Of these, at most so many are answered as queries are, for the deviations of place and size; fewer than the second say too little.
+const MOST_PLACED: usize = 300;
+const FEWEST_PLACED: usize = 30;
+/// No deviation is drawn in by more than this.
+const LEAST_SPREAD: f64 = 0.25;
 /// Most voxels of grids that are carved for training; of bigger shapes the grids are smaller, and the evidence is not weighed.
 const MOST_VOXELS: usize = 64 * 64 * 64;
 /// Factors on the log density among which left-out shapes choose for the yaw.
 const WEIGHTS: [f64; 8] = [0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0];
 
-/// What was learned.
+/// Outcome of the learning.
 pub struct Learned {
     /// The densities, from all shapes.
     pub densities: CameraDensities,
@@ -57,10 +68,12 @@ pub struct LeftOut<'a> {
     pub kept: Vec<Vec<&'a Occupancy>>,
     /// Those that are.
     pub held: Vec<Vec<&'a Occupancy>>,
-    /// Class subspaces learned from `kept`.
-    pub subspaces: Vec<ClassSubspace>,
-    /// Variance of a voxel about them, inflated.
-    pub noise: f64,
+    /// Classes learned from `kept`.
+    pub evidence: EvidenceModel,
+    /// Weight and offsets of their evidence alone.
+    pub evidence_blend: &'a Blend,
+    /// Longest side of the shapes, in voxels.
+    pub longest_side: usize,
 }
 
 /// Learns from the shapes of each class, for cameras at these `elevations` (radians, ascending). The same shapes and seed give the same
@@ -70,10 +83,10 @@ pub fn camera_densities(
     left_out: &LeftOut<'_>,
     elevations: &[f64],
     seed: u64,
-) -> Result<Learned, LinearError> {
+) -> Result<Learned, PerceiveError> {
     let components = feature_basis(classes, elevations, seed)?;
     let densities = fit(&left_out.kept, elevations, &components, seed, 2)?;
-    let calibration = calibrate(&densities, left_out, seed)?;
+    let calibration = calibrate(densities, left_out, seed)?;
     Ok(Learned { densities: fit(classes, elevations, &components, seed, 1)?, calibration })
 }
 
@@ -93,6 +106,8 @@ fn stream(seed: u64, class: u64, view: u64) -> ChaCha8Rng {
 
 /// A view of a shape, and how the shape lies in it.
 struct Sample {
+    /// Where the camera was, in voxels from the grid's centre.
+    camera: Vector3<f64>,
     frame: ViewFrame,
     observation: Observation,
     placed: Placed,
@@ -119,8 +134,9 @@ fn see(object: &Occupancy, turned: f64, elevation: f64, rng: &mut ChaCha8Rng) ->
     view.carve(dims, &axes, &centre, edge, &mut bytes, &mut observation);
     let grid_from_object = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
     let placed = Placed { rotation: yaw(turned), scale: 1.0 / edge, shift: grid_from_object(Vector3::zeros()) };
-    let frame = ViewFrame::new(&observation, &grid_from_object(eye.position()), &mut Vec::new())?;
-    Some(Sample { frame, observation, placed })
+    let camera = grid_from_object(eye.position());
+    let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
+    Some(Sample { camera, frame, observation, placed })
 }
 
 impl Sample {
@@ -189,7 +205,7 @@ fn fit(
         regression: Vec::new(),
         deviations: Vec::new(),
     };
-    let scores = CameraScores::new(&densities);
+    let scores = CameraFeatures::new(&densities.basis, size);
     let ridge = (LEAST_VARIANCE * features.variance).max(1e-4);
     for e in 0..elevations.len() {
         let moments: Vec<Vec<Moments>> = (0..YAWS)
@@ -208,7 +224,7 @@ fn fit(
                         let turned = CameraDensities::yaw(step) + around(WINDOW * TAU / YAWS as f64, &mut rng);
                         let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
                         if let Some(sample) = see(object, turned, elevation, &mut rng) {
-                            scores.features(&sample.frame, &sample.observation, &mut shadow, &mut z);
+                            scores.of(&sample.frame, &sample.observation, &mut shadow, &mut z);
                             rows.extend_from_slice(&z);
                             offsets.push(sample.offsets(object, step));
                         }
@@ -238,8 +254,8 @@ fn fit(
     Ok(densities)
 }
 
-/// What one view of a shape that was left out says.
-struct Scored {
+/// Scores of one view of a shape that was left out.
+struct ViewScores {
     class: usize,
     /// The step of its yaw.
     truth: usize,
@@ -251,8 +267,9 @@ struct Scored {
 }
 
 /// How sure the densities may be, on shapes that they have not seen.
-fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> Result<CameraCalibration, LinearError> {
-    let scores = CameraScores::new(densities);
+fn calibrate(densities: CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> Result<CameraCalibration, PerceiveError> {
+    let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
+    let scores = CameraScores::new(Arc::new(densities));
     let m = left_out.held.len();
     let of_class = |(s, shapes): (usize, &Vec<&'_ Occupancy>)| -> Vec<(usize, usize, usize)> {
         (0..shapes.len()).flat_map(|i| (0..SEEN).map(move |n| (s, i, i * SEEN + n))).collect()
@@ -260,31 +277,33 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
     let mut views: Vec<(usize, usize, usize)> = left_out.held.iter().enumerate().flat_map(of_class).collect();
     views.shuffle(&mut stream(seed, 1 << 23, 0));
     views.truncate(MOST_SEEN);
-    let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
-    let score = |(class, shape, view): &(usize, usize, usize)| -> Option<Result<Scored, LinearError>> {
+    let look = |(class, shape, view): &(usize, usize, usize)| -> Option<Sample> {
         let mut rng = stream(seed, 1 << 22 | *class as u64, *view as u64);
         let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
         let turned: f64 = rng.random_range(0.0..TAU);
-        let sample = see(left_out.held[*class][*shape], turned, elevation, &mut rng)?;
+        see(left_out.held[*class][*shape], turned, elevation, &mut rng)
+    };
+    let score = |place: &(usize, usize, usize)| -> Option<Result<ViewScores, PerceiveError>> {
+        let (class, sample) = (place.0, look(place)?);
         let mut work = ViewWork::default();
-        let mut scored = |told: &Told| {
-            scores.score(densities, &sample.frame, &sample.observation, told, &vec![true; m], &mut work);
+        let mut scored = |told: &KnownPlacement| {
+            scores.score(&sample.frame, &sample.observation, told, &vec![true; m], &mut work);
             let mut table = vec![f64::NEG_INFINITY; m * YAWS];
             work.cells.iter().for_each(|cell| table[cell.class * YAWS + cell.step] = cell.score);
             table
         };
         let (rotation, scale, place) = sample.frame.seen(&sample.placed);
-        let table = scored(&Told::default());
-        let told = scored(&Told { yaw: Some(crate::grid::yaw_of(&rotation)), scale: Some(scale), place: Some(place) });
+        let table = scored(&KnownPlacement::default());
+        let told = scored(&KnownPlacement { yaw: Some(crate::grid::yaw_of(&rotation)), scale: Some(scale), place: Some(place) });
         let truth = (0..YAWS).min_by(|a, b| rest_of(&rotation, *a).abs().total_cmp(&rest_of(&rotation, *b).abs()))?;
         let evidence = left_out.evidence(&sample);
-        Some(evidence.map(|evidence| Scored { class: *class, truth, table, told, evidence }))
+        Some(evidence.map(|evidence| ViewScores { class, truth, table, told, evidence }))
     };
-    let scored: Vec<Scored> = views.par_iter().filter_map(score).collect::<Result<_, _>>()?;
+    let scored: Vec<ViewScores> = views.par_iter().filter_map(score).collect::<Result<_, _>>()?;
     let yaw_loss = |weight: f64| -> f64 {
-        let loss = |view: &Scored| {
+        let loss = |view: &ViewScores| {
             let of_class = &view.table[view.class * YAWS..(view.class + 1) * YAWS];
-            log_sum(of_class, weight) - weight * of_class[view.truth]
+            log_sum_exp(of_class.iter().map(|value| weight * value)) - weight * of_class[view.truth]
         };
         scored.iter().map(loss).sum::<f64>() / scored.len().max(1) as f64
     };
@@ -292,8 +311,13 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
     let best = (0..WEIGHTS.len()).min_by(|a, b| losses[*a].total_cmp(&losses[*b])).unwrap_or(0);
     let pose_weight = WEIGHTS[best];
     let labels: Vec<usize> = scored.iter().map(|view| view.class).collect();
-    let marginal = |of: fn(&Scored) -> &Vec<f64>| -> Vec<Vec<f64>> {
-        scored.iter().map(|view| of(view).chunks_exact(YAWS).map(|row| log_sum(row, pose_weight) / pose_weight).collect()).collect()
+    let marginal = |of: fn(&ViewScores) -> &Vec<f64>| -> Vec<Vec<f64>> {
+        scored
+            .iter()
+            .map(|view| {
+                of(view).chunks_exact(YAWS).map(|row| log_sum_exp(row.iter().map(|value| pose_weight * value)) / pose_weight).collect()
+            })
+            .collect()
     };
     let fitted = fit_blend(&[marginal(|view| &view.table)], &labels, m, true)?;
     tracing::debug!(
@@ -313,32 +337,114 @@ fn calibrate(densities: &CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> 
     } else {
         None
     };
-    Ok(CameraCalibration {
+    let mut calibration = CameraCalibration {
         pose_weight,
         blend: Blend { hull: fitted.weights[0], offsets: fitted.offsets, ..Blend::default() },
         together,
+        spread: Some(CameraSpread::ONE),
         views: labels.len(),
         accuracy: fitted.accuracy,
         log_loss: fitted.log_loss,
-    })
+    };
+    views.truncate(MOST_PLACED);
+    let samples = || views.par_iter().filter_map(|place| Some((left_out.held[place.0][place.1], look(place)?)));
+    calibration.spread = left_out.spread((scores, calibration.clone()), samples)?;
+    tracing::debug!(spread = ?calibration.spread, "deviations of place and size on shapes that were left out");
+    Ok(calibration)
+}
+
+/// Below which 68.3 % of the values lie, the share of a Gaussian within one deviation; the values are sorted on the way.
+fn one_deviation(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let at = 0.683 * values.len().saturating_sub(1) as f64;
+    let (below, share) = (at.floor() as usize, at.fract());
+    let value = |i: usize| values.get(i.min(values.len().saturating_sub(1))).copied().unwrap_or(1.0);
+    value(below) + share * (value(below + 1) - value(below))
 }
 
 impl LeftOut<'_> {
+    /// Whether what is carved for training has the size of the canonical grid, so that evidence can be computed of it.
+    fn is_same_size(&self, sample: &Sample) -> bool {
+        self.evidence.dims() == sample.observation.dims()
+    }
+
+    /// By how much deviations of place and size are too small: views are answered as queries are, everything unknown. None where the grids
+    /// differ in size.
+    fn spread<'b, I: ParallelIterator<Item = (&'b Occupancy, Sample)>>(
+        &self,
+        cameras: (CameraScores, CameraCalibration),
+        samples: impl Fn() -> I,
+    ) -> Result<Option<CameraSpread>, PerceiveError> {
+        let wanted = vec![true; self.held.len()];
+        let answer = |(object, sample): (&Occupancy, Sample)| -> Option<Result<[[f64; 3]; 2], PerceiveError>> {
+            if !self.is_same_size(&sample) {
+                return None;
+            }
+            let query = Query {
+                camera: Some(sample.camera),
+                pose: PoseSearch::YAW,
+                scale: ScaleSearch::Search { side: None },
+                outside: Outside::Unknown,
+                ..Query::default()
+            };
+            let search = CameraSearch {
+                evidence: &self.evidence,
+                evidence_blend: self.evidence_blend,
+                longest_side: self.longest_side,
+                cameras: Some(&cameras),
+                query: &query,
+                wanted: &wanted,
+            };
+            let (mut clock, mut out) = (Clock::start(), Scored::default());
+            out.start(wanted.len(), true);
+            if let Err(error) = search.score(&sample.observation, &mut CameraScratch::default(), &mut clock, &mut out) {
+                return Some(Err(error));
+            }
+            let (placed, found) = out.placement?;
+            let [low, high] = object.bounds()?;
+            // The grid of a view lies along its frame.
+            let away = placed.shift - sample.placed.shift;
+            let length = |axis: usize| (high[axis] - low[axis]) as f64 * sample.placed.scale;
+            Some(Ok([
+                std::array::from_fn(|axis| away[axis].abs() / found.position_deviation_voxels[axis].max(1e-6)),
+                std::array::from_fn(|axis| {
+                    (found.extent_voxels[axis] - length(axis)).abs() / found.extent_deviation_voxels[axis].max(1e-6)
+                }),
+            ]))
+        };
+        let errors: Vec<[[f64; 3]; 2]> = samples().filter_map(answer).collect::<Result<_, _>>()?;
+        if errors.len() < FEWEST_PLACED {
+            return Ok(None);
+        }
+        let factor = |which: usize, axis: usize| {
+            let mut values: Vec<f64> = errors.iter().map(|error| error[which][axis]).collect();
+            one_deviation(&mut values).max(LEAST_SPREAD)
+        };
+        let factors = |which: usize| std::array::from_fn(|axis| factor(which, axis));
+        Ok(Some(CameraSpread { place: factors(0), extent: factors(1) }))
+    }
+
     /// Log evidence of each class for a shape that lies as it truly does; none where the grids differ in size.
-    fn evidence(&self, sample: &Sample) -> Result<Vec<f64>, LinearError> {
-        let same = self.held.iter().flatten().next().is_some_and(|shape| shape.dims() == sample.observation.dims());
-        if !same {
+    fn evidence(&self, sample: &Sample) -> Result<Vec<f64>, PerceiveError> {
+        if !self.is_same_size(sample) {
             return Ok(Vec::new());
         }
-        let mut evidence = PlacedEvidence::new(&sample.observation, Outside::Unknown, self.noise);
-        evidence.place(&sample.placed);
-        let of = |class: &ClassSubspace| evidence.of(class, sample.placed.scale, &mut Conditional::new(class.size()));
-        self.subspaces.iter().map(of).collect()
+        let mut scratch = EvidenceScratch::new(sample.observation.dims());
+        self.evidence.place(&sample.observation, &sample.placed, Outside::Unknown, &mut scratch)?;
+        let of = |class: usize| Ok(self.evidence.of_class(class, &mut scratch)?.log_ratio);
+        (0..self.held.len()).map(of).collect()
     }
 }
 
-/// log Σ exp(weight · value).
-fn log_sum(values: &[f64], weight: f64) -> f64 {
-    let peak = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    weight * peak + values.iter().map(|v| (weight * (v - peak)).exp()).sum::<f64>().ln()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// numpy.quantile([1, 2, ..., 11], 0.683)
+    #[test]
+    fn one_deviation_is_a_quantile() {
+        let mut values: Vec<f64> = (1..=11).rev().map(f64::from).collect();
+        assert!((one_deviation(&mut values) - 7.83).abs() < 1e-12);
+        assert_eq!(one_deviation(&mut [3.0]), 3.0);
+    }
 }

@@ -9,10 +9,12 @@ use super::shrinkage::{centre, shrunk_covariance};
 use super::view_density::view_densities;
 use crate::grid::{Dims, Occupancy, Shrinking, View};
 use crate::linear::LinearError;
-use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Settings, levels_of};
-use crate::perception::ClassSubspace;
+use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Searched, Settings, levels_of};
+use crate::perception::PerceiveError;
+use crate::perception::evidence::placed::EvidenceModel;
 use faer::Mat;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Fewest shapes of a class.
 pub const FEWEST_SHAPES: usize = 4;
@@ -33,7 +35,7 @@ pub struct TrainOptions {
     /// Number of folds, at least two.
     pub folds: usize,
     /// Whether to learn what poses are searched with: smaller grids, and views from all sides. A model without them answers queries in
-    /// known pose, the same as with them, and is not to be saved.
+    /// known pose alone, the same as with them.
     pub poses: bool,
     /// Splits that the shapes come from, for the record.
     pub splits: Vec<String>,
@@ -98,12 +100,15 @@ pub enum TrainError {
     /// A matrix could not be factorised.
     #[error(transparent)]
     Linear(#[from] LinearError),
+    /// Shapes that were left out could not be perceived.
+    #[error(transparent)]
+    Perceive(#[from] PerceiveError),
 }
 
 /// A step of the training, for progress reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// What is being done.
+    /// Name of the step.
     pub name: &'static str,
     /// The longest side of the grid on which it is done: models of large grids have smaller ones too.
     pub side: usize,
@@ -138,13 +143,13 @@ pub fn train(shapes: &ShapeSet, options: &TrainOptions, progress: &(dyn Fn(Step)
     }
     // Cameras are searched where poses are.
     let elevations = if smaller.is_empty() && options.poses { options.camera_elevations_deg.clone() } else { Vec::new() };
-    let model = learn(
-        &Data::new(dims, classes),
-        &shapes.classes,
-        &TrainOptions { camera_elevations_deg: elevations, ..options.clone() },
-        progress,
-    )?;
-    Ok(Model { levels, ..model })
+    let options = TrainOptions { camera_elevations_deg: elevations, ..options.clone() };
+    let model = learn(&Data::new(dims, classes), &shapes.classes, &options, progress)?;
+    let searched = match model.searched {
+        Searched::KnownPoseOnly { footprint: Some(footprint) } if !levels.is_empty() => Searched::OnLevels { footprint, levels },
+        searched => searched,
+    };
+    Ok(Model { searched, ..model })
 }
 
 /// The shapes of each class, which all have one size.
@@ -180,7 +185,7 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
 
     let mut held_out = Vec::new();
     // What was learned without the first fold also scores what cameras see of it.
-    let mut first: Option<(Vec<ClassSubspace>, f64)> = None;
+    let mut first: Option<EvidenceModel> = None;
     for (f, fold) in folds.iter().enumerate() {
         const NAME: &str = "fitting without a fold, scoring it";
         step(NAME, f);
@@ -212,19 +217,21 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         turned = Some(view_densities(&data.classes, options.seed)?);
     }
     let mut camera = None;
-    if cameras {
+    if let Some(first) = first {
         step("learning what cameras see", folds.len() + 3);
         let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
         let of = |chosen: &dyn Fn(usize) -> Vec<usize>| -> Vec<Vec<&Occupancy>> {
             (0..data.classes.len()).map(|s| chosen(s).into_iter().map(|i| data.classes[s][i]).collect()).collect()
         };
         let fold = &folds[0];
-        let (subspaces, noise) = first.take().unwrap_or_default();
+        let evidence = EvidenceModel { noise_variance: first.noise_variance * calibration.noise_inflation, ..first };
+        let evidence_blend = calibration.evidence.clone();
         let left_out = LeftOut {
             kept: of(&|s| fold.kept[s].clone()),
             held: of(&|s| fold.held.iter().filter(|(class, _)| *class == s).map(|(_, i)| *i).collect()),
-            subspaces,
-            noise: noise * calibration.noise_inflation,
+            evidence,
+            evidence_blend: &evidence_blend,
+            longest_side: options.longest_side,
         };
         let learned = camera_densities(&data.classes, &left_out, &elevations, options.seed)?;
         calibration.camera = Some(learned.calibration);
@@ -265,6 +272,7 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
             splits: options.splits.clone(),
             views: options.views.clone(),
             camera_elevations_deg: options.camera_elevations_deg.clone(),
+            poses: options.poses,
             variance_share: options.variance_share,
             basis_range: options.basis_range,
             longest_side: options.longest_side,
@@ -273,7 +281,11 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         },
     };
     let Fit { basis, footprint, .. } = fit;
-    Ok(Model { id: 0, metadata, basis, classes, view_densities: turned, camera_densities: camera, footprint, levels: Vec::new() })
+    let searched = match turned {
+        Some(views) => Searched::Here { views: Arc::new(views), cameras: camera.map(Arc::new) },
+        None => Searched::KnownPoseOnly { footprint },
+    };
+    Ok(Model { id: 0, metadata, basis, classes, searched })
 }
 
 #[cfg(test)]
@@ -281,12 +293,12 @@ mod tests {
     use super::*;
     use crate::furniture;
     use crate::learning::Shape;
-    use crate::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query};
-    use std::sync::Arc;
+    use crate::perception::{Perceiver, Percept, PoseSearch, Query};
 
     /// On a grid on which poses are searched, and on one that is too large for that.
     #[test]
-    fn a_model_without_poses_completes_as_one_with_them_and_refuses_to_search() {
+    fn a_model_without_poses_is_saved_completes_as_one_with_them_and_refuses_to_search() {
+        let folder = tempfile::tempdir().unwrap();
         for side in [16, 66] {
             let dims = Dims::cube(side).unwrap();
             let object = |seed| furniture::make("chair", dims, seed).unwrap();
@@ -295,16 +307,21 @@ mod tests {
             let mut answers = Vec::new();
             for poses in [true, false] {
                 let model = train(&shapes, &TrainOptions { poses, ..TrainOptions::default() }, &|_| {}).unwrap();
-                assert_eq!((model.levels.is_empty(), model.view_densities.is_some()), (side == 16 || !poses, side == 16 && poses));
-                let perceiver = Perceiver::new(Arc::new(model)).unwrap();
+                assert_eq!((model.levels().is_empty(), model.view_densities().is_some()), (side == 16 || !poses, side == 16 && poses));
+                // What was saved is loaded as the same kind of model.
+                let file = folder.path().join("a.safetensors");
+                crate::model::save(&model, &file).unwrap();
+                let loaded = crate::model::load(&file).unwrap();
+                assert_eq!(std::mem::discriminant(&loaded.searched), std::mem::discriminant(&model.searched));
+                assert_eq!(crate::model::outline(&file).unwrap().levels.len(), model.levels().len());
+                let perceiver = Perceiver::new(Arc::new(loaded)).unwrap();
                 let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
                 let seen = View::Top.of(&object(9));
                 let mut query = Query { completion: true, ..Query::default() };
-                perceiver.classify(&seen, &query, &mut work, &mut percept).unwrap();
-                perceiver.complete(&query, &mut work, &mut percept).unwrap();
+                perceiver.classify(&seen, &query, &mut work, &mut percept).unwrap().complete().unwrap();
                 answers.push(percept.occupancy.clone());
                 query.pose = PoseSearch::Yaw { span: 1.0 };
-                let searched = perceiver.classify(&seen, &query, &mut work, &mut percept);
+                let searched = perceiver.classify(&seen, &query, &mut work, &mut percept).map(|_| ());
                 assert_eq!(matches!(searched, Err(PerceiveError::KnownPoseOnly)), !poses, "{searched:?}");
             }
             assert_eq!(answers[0], answers[1], "{side}");

@@ -1,4 +1,4 @@
-//! What objects look like from above when turned in any way: a Gaussian of hull features for each class and each direction that
+//! Views from above of objects that are turned in any way: a Gaussian of hull features for each class and each direction that
 //! may point up.
 
 use half::f16;
@@ -25,6 +25,11 @@ impl ViewDensities {
     /// Length of a packed lower triangle, p (p + 1) / 2.
     pub fn packed(size: usize) -> usize {
         size * (size + 1) / 2
+    }
+
+    /// Number of classes, m.
+    pub fn classes(&self) -> usize {
+        self.means.len() / (DIRECTIONS * self.size).max(1)
     }
 
     /// The mean of a class at a direction, of `classes`.

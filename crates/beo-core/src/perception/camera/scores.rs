@@ -7,17 +7,21 @@
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
 use crate::grid::Observation;
 use crate::model::{CameraDensities, OFFSETS, YAWS};
-use crate::perception::density::dot;
+use crate::perception::densities::log_sum::log_sum_exp;
+use crate::perception::densities::packed::PackedGaussian;
+use crate::perception::kernels::lanes::dot;
+use half::f16;
 use half::slice::HalfFloatSliceExt;
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// A step of yaw is looked at if it is within this many steps of a yaw that is told.
 const REACH: f64 = 1.5;
 
-/// What is known already, in the view's frame.
+/// Yaw, size and place as far as they are known, in the view's frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Told {
+pub struct KnownPlacement {
     /// The object's yaw, radians.
     pub yaw: Option<f64>,
     /// Units per voxel of the canonical grid.
@@ -58,14 +62,20 @@ impl Cell {
     }
 }
 
-/// A model's densities, ready for queries.
-pub struct CameraScores {
+/// The linear map from what is seen in a view's frame to features.
+pub struct CameraFeatures {
     /// B, widened.
     basis: Vec<f32>,
     size: usize,
 }
 
-/// What is seen and hidden in a frame, and the image to find it.
+/// A model's densities, ready for queries.
+pub struct CameraScores {
+    features: CameraFeatures,
+    densities: Arc<CameraDensities>,
+}
+
+/// The shadow of the visible part in a frame, and the image to find it.
 #[derive(Default)]
 pub struct Shadow {
     image: ShadowImage,
@@ -80,29 +90,24 @@ pub struct ViewWork {
     pub along: Vec<f64>,
     shadow: Shadow,
     features: Vec<f32>,
-    mean: Vec<f32>,
-    whitening: Vec<f32>,
+    gaussian: PackedGaussian,
+    centred: Vec<f32>,
     regression: Vec<f32>,
     /// The outcome.
     pub cells: Vec<Cell>,
 }
 
-impl CameraScores {
-    /// Prepares densities.
-    pub fn new(densities: &CameraDensities) -> Self {
-        debug_assert_eq!(densities.basis.len(), CELLS * densities.size);
-        let mut basis = vec![0.0; densities.basis.len()];
-        densities.basis.convert_to_f32_slice(&mut basis);
-        Self { basis, size: densities.size }
-    }
-
-    /// Bytes that [`Self::new`] takes for `size` features.
-    pub fn bytes(size: usize) -> usize {
-        4 * CELLS * size
+impl CameraFeatures {
+    /// Prepares B, one row of `size` values per cell.
+    pub fn new(rows: &[f16], size: usize) -> Self {
+        debug_assert_eq!(rows.len(), CELLS * size);
+        let mut basis = vec![0.0; rows.len()];
+        rows.convert_to_f32_slice(&mut basis);
+        Self { basis, size }
     }
 
     /// Features of what is seen in a frame, into `out`.
-    pub fn features(&self, frame: &ViewFrame, observation: &Observation, scratch: &mut Shadow, out: &mut Vec<f32>) {
+    pub fn of(&self, frame: &ViewFrame, observation: &Observation, scratch: &mut Shadow, out: &mut Vec<f32>) {
         let Shadow { image, cells } = scratch;
         frame.shadow(observation, image, cells);
         out.clear();
@@ -111,23 +116,26 @@ impl CameraScores {
             out.iter_mut().zip(row).for_each(|(sum, v)| *sum += share * v);
         }
     }
+}
+
+impl CameraScores {
+    /// Prepares densities.
+    pub fn new(densities: Arc<CameraDensities>) -> Self {
+        Self { features: CameraFeatures::new(&densities.basis, densities.size), densities }
+    }
+
+    /// Bytes that [`Self::new`] takes for `size` features.
+    pub fn bytes(size: usize) -> usize {
+        4 * CELLS * size
+    }
 
     /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`.
-    pub fn score(
-        &self,
-        densities: &CameraDensities,
-        frame: &ViewFrame,
-        observation: &Observation,
-        told: &Told,
-        wanted: &[bool],
-        work: &mut ViewWork,
-    ) {
-        let ViewWork { shadow, features, mean, whitening, regression, cells, .. } = work;
-        self.features(frame, observation, shadow, features);
-        let (p, m) = (self.size, wanted.len());
+    pub fn score(&self, frame: &ViewFrame, observation: &Observation, told: &KnownPlacement, wanted: &[bool], work: &mut ViewWork) {
+        let ViewWork { shadow, features, gaussian, centred, regression, cells, .. } = work;
+        self.features.of(frame, observation, shadow, features);
+        let (densities, p, m) = (&self.densities, self.densities.size, wanted.len());
         let triangle = p * (p + 1) / 2;
-        mean.resize(p, 0.0);
-        whitening.resize(triangle, 0.0);
+        centred.resize(p, 0.0);
         regression.resize(OFFSETS * p, 0.0);
         cells.clear();
         let elevations = densities.beside(frame.elevation);
@@ -140,28 +148,16 @@ impl CameraScores {
                 let mut cell = Cell { class, step, score: f64::NEG_INFINITY, offsets: [0.0; OFFSETS], deviations: [0.0; OFFSETS] };
                 for (elevation, share) in elevations.into_iter().filter(|(_, share)| *share > 0.0) {
                     let place = densities.place(elevation, step, class, m);
-                    densities.means[place * p..(place + 1) * p].convert_to_f32_slice(mean);
-                    densities.whitening[place * triangle..(place + 1) * triangle].convert_to_f32_slice(whitening);
-                    densities.regression[place * OFFSETS * p..(place + 1) * OFFSETS * p].convert_to_f32_slice(regression);
-                    mean.iter_mut().zip(&*features).for_each(|(mean, z)| *mean = z - *mean);
-                    let (mut distance2, mut log_volume, mut start) = (0.0, 0.0, 0);
-                    for i in 0..p {
-                        let row = &whitening[start..start + i + 1];
-                        distance2 += f64::from(dot(row, &mean[..i + 1])).powi(2);
-                        log_volume += f64::from(row[i]).ln();
-                        start += i + 1;
-                    }
+                    gaussian.load(&densities.means[place * p..][..p], &densities.whitening[place * triangle..][..triangle]);
+                    densities.regression[place * OFFSETS * p..][..OFFSETS * p].convert_to_f32_slice(regression);
+                    gaussian.centre(features, centred);
                     let offset = |j: usize| {
-                        f64::from(densities.offsets[place * OFFSETS + j]) + f64::from(dot(&regression[j * p..(j + 1) * p], mean))
+                        f64::from(densities.offsets[place * OFFSETS + j]) + f64::from(dot(&regression[j * p..(j + 1) * p], centred))
                     };
                     let offsets: [f64; OFFSETS] = std::array::from_fn(offset);
                     let deviations: [f64; OFFSETS] = std::array::from_fn(|j| f64::from(densities.deviations[place * OFFSETS + j]));
-                    let told = told.offsets(rest);
-                    let log_told: f64 = (0..OFFSETS)
-                        .filter_map(|j| told[j].map(|v| -0.5 * ((v - offsets[j]) / deviations[j]).powi(2) - deviations[j].ln()))
-                        .sum();
-                    let score = share.ln() + log_volume - 0.5 * distance2 + log_told;
-                    cell.add(score, &offsets, &deviations);
+                    let log_told = told.log_density(rest, &offsets, &deviations);
+                    cell.add(share.ln() + gaussian.log_density(centred) + log_told, &offsets, &deviations);
                 }
                 cells.push(cell);
             }
@@ -170,20 +166,28 @@ impl CameraScores {
 }
 
 impl Cell {
-    /// Adds a part of the mixture.
+    /// Adds a part of the mixture; its moments are those of the mixture, by the law of total variance: Σ w m and Σ w (s² + (m − mean)²).
     fn add(&mut self, score: f64, offsets: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) {
-        let peak = self.score.max(score);
-        let (old, new) = ((self.score - peak).exp(), (score - peak).exp());
-        let share = new / (old + new);
+        let together = log_sum_exp([self.score, score].into_iter());
+        let share = (score - together).exp();
         for j in 0..OFFSETS {
-            self.offsets[j] += share * (offsets[j] - self.offsets[j]);
-            self.deviations[j] += share * (deviations[j] - self.deviations[j]);
+            let apart = offsets[j] - self.offsets[j];
+            self.offsets[j] += share * apart;
+            let within = (1.0 - share) * self.deviations[j].powi(2) + share * deviations[j].powi(2);
+            self.deviations[j] = (within + share * (1.0 - share) * apart.powi(2)).sqrt();
         }
-        self.score = peak + (old + new).ln();
+        self.score = together;
     }
 }
 
-impl Told {
+impl KnownPlacement {
+    /// Log density of what is told as an observation of offsets with this mean and these deviations.
+    fn log_density(&self, rest: Option<f64>, mean: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) -> f64 {
+        let told = self.offsets(rest);
+        let of_axis = |j: usize| told[j].map(|v| -0.5 * ((v - mean[j]) / deviations[j]).powi(2) - deviations[j].ln());
+        (0..OFFSETS).filter_map(of_axis).sum()
+    }
+
     /// As offsets, `rest` being what is left of the yaw.
     fn offsets(&self, rest: Option<f64>) -> [Option<f64>; OFFSETS] {
         let place = |axis: usize| self.place.map(|place| place[axis]);
@@ -194,4 +198,95 @@ impl Told {
 /// An angle in [−π, π).
 pub fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::yaw;
+    use crate::perception::camera::camera_search::tests_support::seen_chair;
+    use crate::perception::pose::small::seeing_perceiver;
+
+    /// One class at one step of yaw by the textbook, in double precision: the precision matrix S⁻¹ = WᵀW is formed, every learned elevation gives a
+    /// Gaussian of the features and of the offsets given them, and the moments of their mixture are Σ w m and Σ w (s² + (m − mean)²).
+    fn dense(
+        densities: &CameraDensities,
+        shadow: &[f32],
+        elevation: f64,
+        told: &[Option<f64>; OFFSETS],
+        step: usize,
+        class: usize,
+        classes: usize,
+    ) -> (f64, [f64; OFFSETS], [f64; OFFSETS]) {
+        let p = densities.size;
+        let wide = |v: &f16| f64::from(v.to_f32());
+        let z: Vec<f64> = (0..p).map(|h| (0..CELLS).map(|c| f64::from(shadow[c]) * wide(&densities.basis[c * p + h])).sum()).collect();
+        let mut parts: Vec<(f64, [f64; OFFSETS], [f64; OFFSETS])> = Vec::new();
+        for (e, share) in densities.beside(elevation).into_iter().filter(|(_, share)| *share > 0.0) {
+            let place = densities.place(e, step, class, classes);
+            let centred: Vec<f64> = (0..p).map(|i| z[i] - wide(&densities.means[place * p + i])).collect();
+            let root = |i: usize, j: usize| {
+                if j > i { 0.0 } else { wide(&densities.whitening[place * p * (p + 1) / 2 + i * (i + 1) / 2 + j]) }
+            };
+            let precision = |a: usize, b: usize| (0..p).map(|i| root(i, a) * root(i, b)).sum::<f64>();
+            let quadratic: f64 =
+                (0..p).flat_map(|a| (0..p).map(move |b| (a, b))).map(|(a, b)| centred[a] * precision(a, b) * centred[b]).sum();
+            let log_volume: f64 = (0..p).map(|i| root(i, i).ln()).sum();
+            let mean: [f64; OFFSETS] = std::array::from_fn(|j| {
+                let row = place * OFFSETS * p + j * p;
+                f64::from(densities.offsets[place * OFFSETS + j])
+                    + (0..p).map(|i| wide(&densities.regression[row + i]) * centred[i]).sum::<f64>()
+            });
+            let deviation: [f64; OFFSETS] = std::array::from_fn(|j| f64::from(densities.deviations[place * OFFSETS + j]));
+            let of_told: f64 =
+                (0..OFFSETS).filter_map(|j| told[j].map(|v| -0.5 * ((v - mean[j]) / deviation[j]).powi(2) - deviation[j].ln())).sum();
+            parts.push((share.ln() + log_volume - 0.5 * quadratic + of_told, mean, deviation));
+        }
+        let peak = parts.iter().map(|part| part.0).fold(f64::NEG_INFINITY, f64::max);
+        let total: f64 = parts.iter().map(|part| (part.0 - peak).exp()).sum();
+        let weights: Vec<f64> = parts.iter().map(|part| (part.0 - peak).exp() / total).collect();
+        let mean: [f64; OFFSETS] = std::array::from_fn(|j| parts.iter().zip(&weights).map(|(part, w)| w * part.1[j]).sum());
+        let variance =
+            |j: usize| parts.iter().zip(&weights).map(|(part, w)| w * (part.2[j].powi(2) + (part.1[j] - mean[j]).powi(2))).sum::<f64>();
+        (peak + total.ln(), mean, std::array::from_fn(|j| variance(j).sqrt()))
+    }
+
+    #[test]
+    fn scores_and_moments_are_those_of_the_dense_mixture() {
+        let densities = seeing_perceiver().model().camera_densities().expect("learned");
+        let scores = CameraScores::new(Arc::new(densities.clone()));
+        let m = seeing_perceiver().model().classes.len();
+        let (observation, camera) = seen_chair();
+        let frame = ViewFrame::new(&observation, &camera, &mut Vec::new()).expect("enough is seen");
+        let mut shadow = Vec::new();
+        frame.shadow(&observation, &mut ShadowImage::default(), &mut shadow);
+        let (_, scale, place) = frame.seen(&crate::grid::Placed { rotation: yaw(0.2), ..crate::grid::Placed::default() });
+        let all = KnownPlacement { yaw: Some(1.4), scale: Some(scale), place: Some(place) };
+        for told in [KnownPlacement::default(), KnownPlacement { scale: Some(scale), ..KnownPlacement::default() }, all] {
+            let mut work = ViewWork::default();
+            scores.score(&frame, &observation, &told, &vec![true; m], &mut work);
+            assert!(!work.cells.is_empty() && (told.yaw.is_some() || work.cells.len() == m * YAWS));
+            for cell in &work.cells {
+                let rest = told.yaw.map(|yaw| wrapped(yaw - CameraDensities::yaw(cell.step)));
+                let place = |axis: usize| told.place.map(|place| place[axis]);
+                let known = [rest, told.scale.map(f64::ln), place(0), place(1), place(2), None, None, None];
+                let (score, mean, deviation) = dense(densities, &shadow, frame.elevation, &known, cell.step, cell.class, m);
+                assert!((cell.score - score).abs() < 1e-3 * (1.0 + score.abs()), "{} {score}", cell.score);
+                for j in 0..OFFSETS {
+                    assert!((cell.offsets[j] - mean[j]).abs() < 1e-3 * (1.0 + mean[j].abs()), "{j}: {} {}", cell.offsets[j], mean[j]);
+                    assert!((cell.deviations[j] - deviation[j]).abs() < 2e-3 * (1.0 + deviation[j]), "{j}");
+                }
+            }
+        }
+    }
+
+    /// N(0, 1) and N(4, 1) alike: mean 2, variance 1 + 4. The mean of the deviations would be 1.
+    #[test]
+    fn a_mixture_is_as_wide_as_its_parts_and_what_lies_between_them() {
+        let mut cell = Cell { class: 0, step: 0, score: f64::NEG_INFINITY, offsets: [0.0; OFFSETS], deviations: [0.0; OFFSETS] };
+        cell.add(0.5_f64.ln(), &[0.0; OFFSETS], &[1.0; OFFSETS]);
+        cell.add(0.5_f64.ln(), &[4.0; OFFSETS], &[1.0; OFFSETS]);
+        assert!(cell.score.abs() < 1e-12 && (cell.offsets[3] - 2.0).abs() < 1e-12);
+        assert!((cell.deviations[3] - 5.0_f64.sqrt()).abs() < 1e-12, "{}", cell.deviations[3]);
+    }
 }
