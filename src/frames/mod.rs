@@ -27,7 +27,7 @@ mod trajectory;
 pub use camera_files::{CameraChoice, CameraInfo, parse_camera_info};
 pub use captured::{CapturedFrame, SizeError};
 pub use drawing::draw_depth;
-pub use folder::{FolderError, FolderOptions, FrameFolder};
+pub use folder::{FolderError, FolderOptions, FrameFolder, Unlabelled};
 pub use images::{ColourLabels, DepthAlong, DepthUnit, Image, MILLIMETRE, MOST_PIXELS, Raster, VoidLabels, farthest_m};
 pub use images::{parse_jpeg_image, parse_npy_image, parse_png_image, parse_tiff_image};
 pub use plausibility::{question_depth, question_known_side, question_size};

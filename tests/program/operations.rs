@@ -156,7 +156,7 @@ fn reload_under_load_loses_nothing_and_switches_once() {
     models.dedup();
     assert!(models.len() == 2 && models[0] == before, "{models:?}");
     assert!(text(&reloaded.stdout).contains(&format!("{:016x}", models[1])));
-    let status = client.status(|status| status.model_id == models[1] && status.waiting() == 0);
+    let status = client.status(|status| status.model_id == models[1] && status.waiting() == 0 && status.answered > last);
     assert_eq!((status.reloads, status.reloads_refused, status.state), (1, 0, DaemonState::Serving.code()));
     assert_eq!((status.dropped, status.overflowed, status.answered), (0, 0, last + 1));
     assert_eq!(beo_ipc::text::from_field(&status.model_name), "other");

@@ -71,6 +71,20 @@ pub enum NoGrid {
         /// Label of the object.
         object: u16,
     },
+    /// Most of its mask shows something else.
+    #[error(
+        "object {object}: {found} of the {masked} depth readings of its mask are its own, at least {least} are needed: the others lie at the support plane, between surfaces, or apart from it"
+    )]
+    TooFewOwn {
+        /// Label of the object.
+        object: u16,
+        /// Readings that are its own.
+        found: usize,
+        /// Readings of its mask.
+        masked: usize,
+        /// Fewest readings.
+        least: usize,
+    },
     /// There is no place for it.
     #[error(transparent)]
     NoPlace(#[from] PlacementError),
@@ -180,6 +194,21 @@ pub fn lay_grids(frame: Frame<'_>, options: &GridOptions) -> FrameGrids {
     Observer::new(*options).observe(&frame)
 }
 
+/// Gives readings that fly between two surfaces the depth of the nearer one: what lies in front of it is empty, and no more is known there.
+fn in_front_of_edges(depth: &mut [f32], width: usize, flying: &[u32]) {
+    flying.iter().for_each(|pixel| depth[*pixel as usize] = 0.0);
+    let nearest = |depth: &[f32], pixel: usize| {
+        let (u, v) = (pixel % width, pixel / width);
+        let rows = v.saturating_sub(1)..(v + 2).min(depth.len() / width);
+        let around = rows.flat_map(|v| (u.saturating_sub(1)..(u + 2).min(width)).map(move |u| v * width + u));
+        around.map(|pixel| depth[pixel]).filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min)
+    };
+    let found: Vec<f32> = flying.iter().map(|pixel| nearest(depth, *pixel as usize)).collect();
+    for (pixel, z) in flying.iter().zip(found) {
+        depth[*pixel as usize] = if z.is_finite() { z } else { 0.0 };
+    }
+}
+
 /// The middle depth of some pixels, metres.
 fn middle_depth(depth: &[f32], pixels: &[u32]) -> f64 {
     let some: Vec<f32> = pixels.iter().step_by(pixels.len().div_ceil(400).max(1)).map(|pixel| depth[*pixel as usize]).collect();
@@ -270,17 +299,24 @@ impl Observer {
                 share_far: readings.share_far,
                 ..Quality::default()
             };
-            found.push((*object, local, quality));
+            found.push((*object, mask.len(), local, quality));
         }
-        flying.iter().for_each(|pixel| depth[*pixel as usize] = 0.0);
+        in_front_of_edges(&mut depth, rays.width(), &flying);
         let up = supports.as_ref().map(|supports| supports.up);
         let joint = Joint::new(&rays, &options.sensor);
         let mut objects = Vec::with_capacity(found.len());
         let own = Segments::new(&Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size"));
         let mut smooth = depth.clone();
-        for (object, local, mut quality) in found {
+        for (object, masked, local, mut quality) in found {
             let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
             let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
+                let least = options.placement.least_readings.max(1);
+                if masked < least {
+                    return Err(PlacementError::TooFew { object, found: masked, least }.into());
+                }
+                if quality.readings < least {
+                    return Err(NoGrid::TooFewOwn { object, found: quality.readings, masked, least });
+                }
                 let up = up.ok_or(NoGrid::NoUp { object })?;
                 let support = local.as_ref().map(|local| &local.plane);
                 Ok(place_in(&clean, &own, object, &up, support, &options.sensor, options.dims, &options.placement)?)

@@ -2,7 +2,7 @@
 
 use crate::cli::arguments::PoseArgument;
 use crate::cli::failure::Failure;
-use crate::frames::{DepthAlong, FolderOptions, VoidLabels, farthest_m};
+use crate::frames::{DepthAlong, FolderOptions, Unlabelled, VoidLabels, farthest_m};
 use beo_camera::{BelowSupport, GridOptions, Segmentation};
 use beo_camera::{Placement, SensorModel};
 use beo_core::grid::Dims;
@@ -72,7 +72,7 @@ pub struct Camera {
     #[arg(long, value_name = "LABEL")]
     pub(super) support_label: Option<u16>,
     /// Where the objects come from: the label images or masks, or what stands on a plane of the depth images [default: labels where a
-    /// frame has them, else table]
+    /// frame of the folder has them, else table]
     #[arg(long, value_enum, value_name = "BY")]
     pub(super) segment: Option<SegmentArgument>,
     /// What is known below the support plane
@@ -231,7 +231,11 @@ impl Camera {
             camera_info: self.camera_info.clone(),
             camera_name: self.camera_name.clone(),
             is_rectified: self.rectified,
-            may_lack_labels: self.segment != Some(SegmentArgument::Labels),
+            unlabelled: match self.segment {
+                None => Unlabelled::TakenIfAllAre,
+                Some(SegmentArgument::Table) => Unlabelled::Taken,
+                Some(SegmentArgument::Labels) => Unlabelled::Missing,
+            },
             void_labels: match &self.ignore_label[..] {
                 [] => VoidLabels::Customary,
                 these => VoidLabels::These(these.iter().filter_map(label).collect()),

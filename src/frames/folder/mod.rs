@@ -41,8 +41,20 @@ pub struct FolderOptions {
     pub is_rectified: bool,
     /// Labels that are no object.
     pub void_labels: VoidLabels,
-    /// Frames without label image or masks are read all the same, all their labels 0.
-    pub may_lack_labels: bool,
+    /// What becomes of frames without label image or masks.
+    pub unlabelled: Unlabelled,
+}
+
+/// What becomes of frames that have neither a label image nor masks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unlabelled {
+    /// They cannot be read. Use this where objects come from labels alone.
+    #[default]
+    Missing,
+    /// They are read with all labels 0 if no frame of the folder has labels: where some have, a frame without is one whose file is missing.
+    TakenIfAllAre,
+    /// They are read with all labels 0.
+    Taken,
 }
 
 impl Default for FolderOptions {
@@ -57,7 +69,7 @@ impl Default for FolderOptions {
             camera_name: None,
             is_rectified: false,
             void_labels: VoidLabels::default(),
-            may_lack_labels: false,
+            unlabelled: Unlabelled::default(),
         }
     }
 }
@@ -201,6 +213,15 @@ impl FrameFolder {
         }
     }
 
+    /// Whether frames without labels are read.
+    fn takes_unlabelled(&self) -> bool {
+        match self.options.unlabelled {
+            Unlabelled::Missing => false,
+            Unlabelled::Taken => true,
+            Unlabelled::TakenIfAllAre => self.frames.iter().all(|frame| matches!(frame.labels, Labels::Missing(_))),
+        }
+    }
+
     /// The labels of images of the depth image's size, and the labels of masks without a pixel.
     fn labels(&self, labels: &Labels, depth: &Image<f32>) -> Result<(Image<u16>, Vec<u16>), FolderError> {
         let masks = match labels {
@@ -209,7 +230,7 @@ impl FrameFolder {
                 let labels = read_image(path, |raster| raster.into_labels(&self.options.void_labels, &mut colours))?;
                 return Ok((labels, Vec::new()));
             }
-            Labels::Missing(_) if self.options.may_lack_labels => {
+            Labels::Missing(_) if self.takes_unlabelled() => {
                 let [width, height] = depth.size();
                 let none = vec![0; depth.values().len()];
                 return Ok((Image::new(width, height, none).expect("one label for each pixel"), Vec::new()));
