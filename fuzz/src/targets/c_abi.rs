@@ -293,7 +293,7 @@ impl Program<'_> {
                         status
                     }
                     3 => {
-                        let (mut segments, mut objects) = ([0; PIXELS], 0);
+                        let (mut segments, mut objects) = ([0_u16; PIXELS], 0_u32);
                         let count = if self.given() { PIXELS } else { usize::from(self.next()) };
                         let status = beo_segment_table(frame, options, segments.as_mut_ptr(), count, &raw mut objects);
                         assert!(status != 0 || segments.iter().all(|label| u32::from(*label) <= objects), "1 to the number of objects");
