@@ -45,7 +45,7 @@ fn make() -> PathBuf {
 /// The examples, where Python can run them.
 pub fn examples() -> Option<Examples> {
     let python = interpreter()?;
-    let start = |name: &str, arguments: &[&str]| {
+    let start = move |name: &str, arguments: &[&str]| {
         let source = repository().join("examples/python").join(format!("{name}.py"));
         // Without bytecode files beside the sources.
         let mut command = Command::new(python);
