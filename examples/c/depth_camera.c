@@ -1,8 +1,9 @@
 /* A depth camera's driver: frame in, table, where the object's grid lies, carving, commit; thirty times a second.
  *
- *     depth_camera [INSTANCE] [COUNT] [SIDE]
+ *     depth_camera [INSTANCE] [COUNT] [SIDE] [SEGMENTATION]
  *
  * INSTANCE: of the daemon (default); COUNT: grids to send (90); SIDE: voxels along each axis, as the model has (30).
+ * SEGMENTATION: mask, the camera comes with labels (default); table, it does not, and what stands on the table is the object.
  *
  * For your own camera, replace `camera` and `next_frame`: the made-up one looks down on a box that turns on a table.
  */
@@ -13,6 +14,7 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 enum {
@@ -27,6 +29,7 @@ static const beo_intrinsics camera = {WIDTH, HEIGHT, 277.0, 277.0, 160.3, 119.1,
 
 static uint16_t depth_mm[PIXELS]; /* 0: no reading */
 static uint16_t labels[PIXELS];   /* from your segmentation; 0: no object */
+static int has_labels = 1;        /* 0: there is no segmentation */
 
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -64,7 +67,7 @@ static uint64_t next_frame(void) {
         const int is_box = enter < leave;
         const double table = -0.4 / dot(up, ray), depth = is_box ? enter : table > 0 && table < 5 ? table : 0;
         depth_mm[i] = (uint16_t)floor(1000 * depth + 0.5);
-        labels[i] = is_box ? OBJECT : 0;
+        labels[i] = has_labels && is_box ? OBJECT : 0;
     }
     return captured_ns;
 }
@@ -88,6 +91,10 @@ static beo_status send(beo_producer *producer, uint32_t side, uint64_t *sequence
     frame.depth_m = depth_m;
     frame.labels = labels;
     frame.depth_count = frame.label_count = PIXELS;
+    uint32_t objects;
+    if (!has_labels && (status = beo_segment_table(&frame, &options, labels, PIXELS, &objects)) != BEO_STATUS_OK) {
+        return status;
+    }
     status = beo_fit_support(&frame, &options, &table);
     has_table = has_table || status == BEO_STATUS_OK; /* Where it is hidden, it is where it was. */
     if (!has_table) {
@@ -119,6 +126,13 @@ int main(int argc, char **argv) {
     const char *instance = argc > 1 ? argv[1] : NULL;
     const unsigned long count = argc > 2 ? strtoul(argv[2], NULL, 10) : 90;
     const uint32_t side = argc > 3 ? (uint32_t)strtoul(argv[3], NULL, 10) : 30;
+
+    const char *segmentation = argc > 4 ? argv[4] : "mask";
+    has_labels = strcmp(segmentation, "table") != 0;
+    if (has_labels && strcmp(segmentation, "mask") != 0) {
+        fprintf(stderr, "depth_camera: SEGMENTATION is mask or table, not %s\n", segmentation);
+        return 1;
+    }
 
     beo_producer_options options = BEO_PRODUCER_OPTIONS_INIT;
     options.wait_ms = 10000;

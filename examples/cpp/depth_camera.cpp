@@ -1,8 +1,9 @@
 // A depth camera's driver: frame in, table, where the object's grid lies, carving, commit; thirty times a second.
 //
-//     depth_camera [INSTANCE] [COUNT] [SIDE]
+//     depth_camera [INSTANCE] [COUNT] [SIDE] [SEGMENTATION]
 //
 // INSTANCE: of the daemon (default); COUNT: grids to send (90); SIDE: voxels along each axis, as the model has (30).
+// SEGMENTATION: mask, the camera comes with labels (default); table, it does not, and what stands on the table is the object.
 //
 // For your own camera, replace `intrinsics` and `next_frame`: the made-up one looks down on a box that turns on a table.
 
@@ -14,6 +15,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -28,12 +30,12 @@ constexpr std::uint16_t OBJECT = 1;
 
 struct Frame {
     std::vector<std::uint16_t> depth_mm; // 0: no reading
-    std::vector<std::uint16_t> labels;   // from your segmentation; 0: no object
+    std::vector<std::uint16_t> labels;   // from your segmentation; 0: no object; empty: there is none
     std::uint64_t captured_ns = 0;       // CLOCK_MONOTONIC
 };
 
 // Waits for the next frame of the camera. REPLACE THIS: here, a box of 7 × 10 × 14 cm on a table is made up.
-Frame next_frame() {
+Frame next_frame(bool has_labels) {
     using Vector = std::array<double, 3>;
     const auto dot = [](const Vector &a, const Vector &b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; };
     static auto due = std::chrono::steady_clock::now();
@@ -63,13 +65,18 @@ Frame next_frame() {
             const bool is_box = enter < leave;
             const double table = -0.4 / dot(up, ray), depth = is_box ? enter : table > 0 && table < 5 ? table : 0;
             frame.depth_mm.push_back(static_cast<std::uint16_t>(std::floor(1000 * depth + 0.5)));
-            frame.labels.push_back(is_box ? OBJECT : 0);
+            if (has_labels) {
+                frame.labels.push_back(is_box ? OBJECT : 0);
+            }
         }
     }
     return frame;
 }
 
-void run(const std::string &instance, unsigned long count, std::uint32_t side) {
+void run(const std::string &instance, unsigned long count, std::uint32_t side, const std::string &segmentation) {
+    if (segmentation != "mask" && segmentation != "table") {
+        throw std::invalid_argument("SEGMENTATION is mask or table, not " + segmentation);
+    }
     // The sensor's noise, what is up, if you know it, and the object's size, if you know it, go in here.
     const beo::CameraOptions options = beo::camera_options();
 
@@ -77,8 +84,11 @@ void run(const std::string &instance, unsigned long count, std::uint32_t side) {
     std::vector<float> depth_m(std::size_t{intrinsics.width} * intrinsics.height);
     std::optional<beo::Plane> table;
     for (unsigned long sent = 0; sent < count;) {
-        const Frame frame = next_frame();
+        Frame frame = next_frame(segmentation == "mask");
         beo::depth_from_u16(frame.depth_mm, 0.001, depth_m).value();
+        if (frame.labels.empty()) {
+            frame.labels = beo::segment_table(beo::depth_frame(intrinsics, depth_m), options).value();
+        }
         const beo::DepthFrame view = beo::depth_frame(intrinsics, depth_m, frame.labels);
         if (const beo::Result<beo::Plane> found = beo::fit_support(view, options)) {
             table = *found; // Where it is hidden, it is where it was.
@@ -110,7 +120,7 @@ void run(const std::string &instance, unsigned long count, std::uint32_t side) {
 int main(int argc, char **argv) {
     try {
         run(argc > 1 ? argv[1] : "default", argc > 2 ? std::stoul(argv[2]) : 90,
-            argc > 3 ? static_cast<std::uint32_t>(std::stoul(argv[3])) : 30);
+            argc > 3 ? static_cast<std::uint32_t>(std::stoul(argv[3])) : 30, argc > 4 ? argv[4] : "mask");
     } catch (const std::exception &error) {
         std::fprintf(stderr, "depth_camera: %s\n", error.what());
         return 1;

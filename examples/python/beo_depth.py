@@ -1,9 +1,13 @@
 """From a depth image with an instance mask to a partial voxel grid, in NumPy: the rules of libbeo (ipc/camera), for rectified images.
+`segment_table`, for images without a mask, calls libbeo itself.
 
 The camera frame is the optical one: x right, y down, z along the optical axis, metres; pixels count from the centre of the first. A grid's
 frame has its origin at the grid's centre, axes along the indices, z up.
 """
 
+import ctypes
+import functools
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +70,64 @@ def _points(depth, camera, pixels):
 def _readings(depth, of):
     """Flat indices of the pixels that are wanted and have a reading."""
     return np.flatnonzero((of & (depth > 0) & np.isfinite(depth)).ravel())
+
+
+class _CameraIntrinsics(ctypes.Structure):
+    """beo_intrinsics of beo.h."""
+
+    _fields_ = [("width", ctypes.c_uint32), ("height", ctypes.c_uint32)]
+    _fields_ += [(name, ctypes.c_double) for name in ("fx", "fy", "cx", "cy")] + [("distortion", ctypes.c_double * 5)]
+
+
+class _DepthFrame(ctypes.Structure):
+    """beo_depth_frame of beo.h."""
+
+    _fields_ = [("size", ctypes.c_uint32), ("reserved", ctypes.c_uint32), ("intrinsics", _CameraIntrinsics)]
+    _fields_ += [("depth_m", ctypes.c_void_p), ("depth_count", ctypes.c_size_t)]
+    _fields_ += [("labels", ctypes.c_void_p), ("label_count", ctypes.c_size_t)]
+
+
+class _CameraOptions(ctypes.Structure):
+    """beo_camera_options of beo.h."""
+
+    _fields_ = [("size", ctypes.c_uint32), ("support_label", ctypes.c_uint32), ("sensor", ctypes.c_double * 3), ("up", ctypes.c_double * 3)]
+    _fields_ += [(name, ctypes.c_double) for name in ("share", "known_side_m", "known_side_deviation_m")]
+    _fields_ += [("least_readings", ctypes.c_uint32), ("reserved", ctypes.c_uint32)]
+
+
+@functools.cache
+def _library():
+    """libbeo, which has to be installed (`ipc/c/install`): where the loader finds it, or the file that BEO_LIBRARY names."""
+    name = os.environ.get("BEO_LIBRARY", f"libbeo.so.{messages.ABI_VERSION}")
+    try:
+        library = ctypes.CDLL(name)
+    except OSError as error:
+        raise OSError(f"segment_table needs libbeo: install it by ipc/c/install, and set BEO_LIBRARY to the file ({error})") from error
+    if library.beo_abi_version() != messages.ABI_VERSION:
+        raise OSError(f"{name} is of another version than these files: {library.beo_abi_version()}, not {messages.ABI_VERSION}")
+    library.beo_last_error.restype = ctypes.c_char_p
+    return library
+
+
+def segment_table(depth, camera, sensor=Sensor(), up=None):
+    """Labels of what stands on the table of an image without a mask (0: none), and how many objects there are: 1 to that number.
+
+    Nothing is kept between calls: an object may have another number in the next frame. `up` as for `fit_support`. ValueError if libbeo
+    refuses an argument; OSError if it is not installed.
+    """
+    depth = np.ascontiguousarray(depth, dtype=np.float32)
+    rows, columns = depth.shape
+    labels = np.zeros(depth.shape, np.uint16)
+    pinhole = _CameraIntrinsics(columns, rows, camera.fx, camera.fy, camera.cx, camera.cy)
+    frame = _DepthFrame(ctypes.sizeof(_DepthFrame), 0, pinhole, depth.ctypes.data, depth.size, None, 0)
+    noise = (ctypes.c_double * 3)(sensor.constant_m, sensor.quadratic_per_m, sensor.deviations)
+    upwards = (ctypes.c_double * 3)(*((0, 0, 0) if up is None else up))
+    options = _CameraOptions(ctypes.sizeof(_CameraOptions), 0, noise, upwards, 2 / 3, 0, 0, 40, 0)
+    objects = ctypes.c_uint32()
+    arguments = (ctypes.byref(frame), ctypes.byref(options), ctypes.c_void_p(labels.ctypes.data), ctypes.c_size_t(labels.size))
+    if _library().beo_segment_table(*arguments, ctypes.byref(objects)) != 0:
+        raise ValueError(_library().beo_last_error().decode())
+    return labels, objects.value
 
 
 def fit_support(depth, labels, camera, sensor=Sensor(), up=None, label=0):

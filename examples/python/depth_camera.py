@@ -1,8 +1,9 @@
 """A depth camera's driver: frame in, table, where the object's grid lies, carving, commit; thirty times a second.
 
-    python depth_camera.py [INSTANCE] [COUNT] [SIDE]
+    python depth_camera.py [INSTANCE] [COUNT] [SIDE] [SEGMENTATION]
 
 INSTANCE: of the daemon (default); COUNT: grids to send (90); SIDE: voxels along each axis, as the model has (30).
+SEGMENTATION: mask, the camera comes with labels (default); table, it does not, and what stands on the table is the object.
 
 For your own camera, replace `CAMERA` and `next_frame`: the made-up one looks down on a box that turns on a table.
 """
@@ -25,8 +26,9 @@ V, U = np.mgrid[:240, :320]
 RAYS = np.stack([(U - CAMERA.cx) / CAMERA.fx, (V - CAMERA.cy) / CAMERA.fy, np.ones(U.shape)], axis=-1)
 
 
-def next_frame(number, start):
-    """Waits for the next frame: depth in metres (0: no reading), labels (0: no object), and when it was taken (CLOCK_MONOTONIC).
+def next_frame(number, start, has_labels=True):
+    """Waits for the next frame: depth in metres (0: no reading), labels (0: no object; None: there is no
+    segmentation), and when it was taken (CLOCK_MONOTONIC).
 
     REPLACE THIS: here, a box of 7 × 10 × 14 cm on a table is made up, in steps of a millimetre.
     """
@@ -43,18 +45,23 @@ def next_frame(number, start):
     is_box = enter < leave
     table = -0.4 / (RAYS @ up)
     depth = np.where(is_box, enter, np.where((table > 0) & (table < 5), table, 0))
-    return (0.001 * np.floor(1000 * depth + 0.5)).astype(np.float32), np.where(is_box, OBJECT, 0).astype(np.uint16), captured_ns
+    labels = np.where(is_box, OBJECT, 0).astype(np.uint16) if has_labels else None
+    return (0.001 * np.floor(1000 * depth + 0.5)).astype(np.float32), labels, captured_ns
 
 
-def main(instance="default", count=90, side=30):
+def main(instance="default", count=90, side=30, segmentation="mask"):
+    if segmentation not in ("mask", "table"):
+        sys.exit(f"depth_camera: SEGMENTATION is mask or table, not {segmentation}")
     dims = (int(side),) * 3
     producer = beo.within(10, lambda: beo.Producer(instance, dims))
     beo.set_text(producer.header.frame_id, "camera")
     producer.header.object_id = OBJECT
     start, number, sent, table = time.monotonic(), 0, 0, None
     while sent < int(count):
-        depth, labels, captured_ns = next_frame(number, start)
+        depth, labels, captured_ns = next_frame(number, start, segmentation == "mask")
         number += 1
+        if labels is None:
+            labels, _ = beo_depth.segment_table(depth, CAMERA)
         # Where the table is hidden, it is where it was. If you know what is up, give `up=`.
         table = beo_depth.fit_support(depth, labels, CAMERA) or table
         if table is None:

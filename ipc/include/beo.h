@@ -1023,6 +1023,27 @@ beo_status beo_fit_support(const struct beo_depth_frame *frame,
                            struct beo_plane *plane);
 
 /**
+ * Labels what stands on the table of a frame without a mask: each object's pixels have its number, from 1 to `*object_count`, all others
+ * 0. An object is what rises from a plane of the depth image, by 6 mm or more than the sensor's noise, and lies apart from the others. Of
+ * `options`, `sensor` and `up` are used, as by beo_fit_support; it may be NULL for the defaults. `frame.labels` is not looked at: it may
+ * be NULL, and it may be `labels`, so that the same frame can go to the calls below.
+ *
+ * The same frame gives the same numbers, but nothing is kept between calls: an object may have another number in the next frame. Where
+ * there is no plane, or nothing stands on it, that is `BEO_STATUS_OK` with 0 objects. After an error nothing has been written.
+ *
+ * `BEO_STATUS_WRONG_SIZE` if `label_count` or `frame.depth_count` is not the camera's width × height.
+ *
+ * The caller promises:
+ * `frame` and `options` are NULL or readable for their `size`, and `frame.depth_m` for as many values as the frame says; `labels` is NULL
+ * or has `label_count` writable numbers, which are the caller's before and after; `object_count` is NULL or writable.
+ */
+beo_status beo_segment_table(const struct beo_depth_frame *frame,
+                             const struct beo_camera_options *options,
+                             uint16_t *labels,
+                             size_t label_count,
+                             uint32_t *object_count);
+
+/**
  * Lays a grid of nx × ny × nz voxels about the pixels that are labelled `object`, and stores where it lies in `*grid`: upright, x away
  * from the camera, its centre that of the box about the readings, which reaches down to the support plane if they end near it. Its size
  * is by `options.share`, or by `options.known_side_m`. `options` may be NULL for the defaults; `support` may be NULL if there is none and

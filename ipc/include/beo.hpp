@@ -9,7 +9,7 @@
 //         while (auto percept = subscriber.take_percept()) { ... percept->class_index ... }
 //     }
 //
-// A depth camera's driver: depth_frame, fit_support, place_grid, Producer::loan, carve, Loan::commit (examples/cpp/depth_camera.cpp).
+// A depth camera's driver: depth_frame, segment_table without a mask, fit_support, place_grid, Producer::loan, carve, Loan::commit (examples/cpp/depth_camera.cpp).
 //
 // Objects may be used from any thread, one thread at a time. Rules and units are those of beo.h.
 
@@ -30,6 +30,7 @@
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "beo.h"
 
@@ -436,7 +437,8 @@ inline Result<void> depth_from_u16(Span<const std::uint16_t> depth, double scale
 }
 
 // A frame of images that the caller keeps as long as it is used: depth in metres (0: no reading) and labels (0: no object), row by row.
-inline DepthFrame depth_frame(const Intrinsics &intrinsics, Span<const float> depth_m, Span<const std::uint16_t> labels) noexcept {
+// Without labels, it is for segment_table alone.
+inline DepthFrame depth_frame(const Intrinsics &intrinsics, Span<const float> depth_m, Span<const std::uint16_t> labels = {}) noexcept {
     DepthFrame frame;
     BEO_DEPTH_FRAME_INIT(frame);
     frame.intrinsics = intrinsics;
@@ -449,6 +451,16 @@ inline DepthFrame depth_frame(const Intrinsics &intrinsics, Span<const float> de
 
 // The defaults, to be changed.
 inline CameraOptions camera_options() noexcept { return BEO_CAMERA_OPTIONS_INIT; }
+
+// The labels of what stands on the table of a frame without a mask, row by row: 0 for none, objects from 1 to the largest label; all 0 where
+// nothing stands there. The numbers of one frame say nothing of the next: see beo_segment_table.
+inline Result<std::vector<std::uint16_t>> segment_table(const DepthFrame &frame, const CameraOptions &options = camera_options()) {
+    // A depth image of another size is refused, whatever memory there is for the labels: so that much is enough.
+    std::vector<std::uint16_t> labels(frame.depth_m == nullptr ? 1 : frame.depth_count);
+    std::uint32_t objects = 0;
+    const Status status = beo_segment_table(&frame, &options, labels.data(), labels.size(), &objects);
+    return status == BEO_STATUS_OK ? Result<std::vector<std::uint16_t>>(std::move(labels)) : Result<std::vector<std::uint16_t>>(status);
+}
 
 // The plane that objects stand on; BEO_STATUS_NOT_SEEN if the frame shows none.
 inline Result<Plane> fit_support(const DepthFrame &frame, const CameraOptions &options = camera_options()) {

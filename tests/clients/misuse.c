@@ -136,6 +136,13 @@ static void from_depth_to_a_grid(void) {
     frame.intrinsics.distortion[4] = 0;
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(NULL, NULL, &plane));
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_fit_support(&frame, NULL, NULL));
+    uint32_t objects;
+    static uint16_t segments[PIXELS];
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_segment_table(NULL, NULL, segments, PIXELS, &objects));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_segment_table(&frame, NULL, NULL, PIXELS, &objects));
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_segment_table(&frame, NULL, segments, PIXELS, NULL));
+    GIVES(BEO_STATUS_WRONG_SIZE, beo_segment_table(&frame, NULL, segments, PIXELS - 1, &objects));
+    GIVES(BEO_STATUS_OK, beo_segment_table(&frame, NULL, segments, PIXELS, &objects));
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(NULL, &options, 2, NULL, SIDE, SIDE, SIDE, &grid));
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(&frame, &options, 2, NULL, SIDE, SIDE, SIDE, NULL));
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_place_grid(&frame, NULL, 2, NULL, SIDE, SIDE, SIDE, &grid));

@@ -1,8 +1,8 @@
 //! The Python examples with the official iceoryx2 wheel, in a virtual environment of their own.
 
 use crate::examples::Examples;
-use crate::harness::{RESOLUTION, instance, serve};
-use crate::toolchain::{await_message, finish, repository, scratch, skip, start};
+use crate::harness::{RESOLUTION, Running, instance, serve};
+use crate::toolchain::{await_message, finish, prefix, repository, scratch, skip};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
@@ -45,11 +45,12 @@ fn make() -> PathBuf {
 /// The examples, where Python can run them.
 pub fn examples() -> Option<Examples> {
     let python = interpreter()?;
-    let start = |name: &str, arguments: &[&str]| {
+    let start = move |name: &str, arguments: &[&str]| {
         let source = repository().join("examples/python").join(format!("{name}.py"));
-        let arguments: Vec<_> = arguments.iter().map(|argument| argument.into()).collect();
         // Without bytecode files beside the sources.
-        start(python, ["-B".into(), source.into_os_string()].into_iter().chain(arguments))
+        let mut command = Command::new(python);
+        command.arg("-B").arg(source).args(arguments).env("BEO_LIBRARY", prefix().join("lib/libbeo.so.2")).stdin(Stdio::null());
+        Running::start(command)
     };
     Some(Examples { language: "Python", start: Box::new(start) })
 }

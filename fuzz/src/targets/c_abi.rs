@@ -87,6 +87,13 @@ unsafe extern "C" {
     safe fn beo_completion_release(completion: Handle) -> i32;
     fn beo_depth_from_u16(depth: *const u16, count: usize, scale_m: f64, depth_m: *mut f32) -> i32;
     fn beo_fit_support(frame: *const DepthFrame, options: *const CameraOptions, plane: *mut Plane) -> i32;
+    fn beo_segment_table(
+        frame: *const DepthFrame,
+        options: *const CameraOptions,
+        labels: *mut u16,
+        label_count: usize,
+        object_count: *mut u32,
+    ) -> i32;
     fn beo_place_grid(
         frame: *const DepthFrame,
         options: *const CameraOptions,
@@ -271,7 +278,7 @@ impl Program<'_> {
         unsafe {
             for _ in 0..self.next() % 6 {
                 let support = if self.given() { &raw const plane } else { null() };
-                status = match self.next() % 4 {
+                status = match self.next() % 5 {
                     0 => beo_fit_support(frame, options, if self.given() { &raw mut plane } else { null_mut() }),
                     1 => {
                         let side = if self.given() { SIDE } else { self.next().into() };
@@ -283,6 +290,13 @@ impl Program<'_> {
                         let count = if self.given() { VOXELS } else { self.next().into() };
                         let status = beo_carve(frame, options, 1, support, &raw const grid, voxels.as_mut_ptr(), count);
                         assert!(status != 0 || voxels.iter().all(|code| [0, 1, 255].contains(code)), "all voxels are written");
+                        status
+                    }
+                    3 => {
+                        let (mut segments, mut objects) = ([0_u16; PIXELS], 0_u32);
+                        let count = if self.given() { PIXELS } else { usize::from(self.next()) };
+                        let status = beo_segment_table(frame, options, segments.as_mut_ptr(), count, &raw mut objects);
+                        assert!(status != 0 || segments.iter().all(|label| u32::from(*label) <= objects), "1 to the number of objects");
                         status
                     }
                     _ => {

@@ -6,7 +6,7 @@
 use crate::options::{CameraOptions, DepthFrame, PlacedGrid, SupportPlane};
 use crate::outcome::{Failure, Outcome, guard};
 use crate::pointers::{must_not_be_null, numbers, numbers_mut, read, read_sized, store};
-use beo_camera::{Carver, Frame, Grid, Intrinsics, Placement, Plane, PlaneSearch, SensorModel, fit_support, place};
+use beo_camera::{Carver, Frame, Grid, GridOptions, Intrinsics, Observer, Placement, Plane, PlaneSearch, SensorModel, fit_support, place};
 use beo_ipc::{CarvedGrid, ObservationHeader};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -54,6 +54,45 @@ pub unsafe extern "C" fn beo_fit_support(frame: *const DepthFrame, options: *con
         let found = SupportPlane { normal: found.normal().into_inner().into(), offset_m: found.height(&Point3::origin()) };
         // SAFETY: writable, as the caller promises.
         unsafe { store(plane, found) };
+        Ok(Outcome::Ok)
+    })
+}
+
+/// Labels what stands on the table of a frame without a mask: each object's pixels have its number, from 1 to `*object_count`, all others
+/// 0. An object is what rises from a plane of the depth image, by 6 mm or more than the sensor's noise, and lies apart from the others. Of
+/// `options`, `sensor` and `up` are used, as by beo_fit_support; it may be NULL for the defaults. `frame.labels` is not looked at: it may
+/// be NULL, and it may be `labels`, so that the same frame can go to the calls below.
+///
+/// The same frame gives the same numbers, but nothing is kept between calls: an object may have another number in the next frame. Where
+/// there is no plane, or nothing stands on it, that is `BEO_STATUS_OK` with 0 objects. After an error nothing has been written.
+///
+/// `BEO_STATUS_WRONG_SIZE` if `label_count` or `frame.depth_count` is not the camera's width × height.
+///
+/// # Safety
+/// `frame` and `options` are NULL or readable for their `size`, and `frame.depth_m` for as many values as the frame says; `labels` is NULL
+/// or has `label_count` writable numbers, which are the caller's before and after; `object_count` is NULL or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn beo_segment_table(
+    frame: *const DepthFrame,
+    options: *const CameraOptions,
+    labels: *mut u16,
+    label_count: usize,
+    object_count: *mut u32,
+) -> Outcome {
+    guard(|| {
+        must_not_be_null(object_count, "object_count")?;
+        // SAFETY: as the caller promises.
+        let (options, (_, images), labels) =
+            unsafe { (Options::read(options)?, Images::read_depth(frame)?, numbers_mut(labels, label_count, "labels")?) };
+        Frame::new(&images.intrinsics, images.depth, labels)?;
+        // No grid is laid, whatever its dims would be.
+        let dims = [8; 3];
+        let options = GridOptions { sensor: options.sensor, gravity: options.up.map(|up| -up), ..GridOptions::new(dims) };
+        let found = Observer::new(options).segment_table(&images.intrinsics, images.depth);
+        labels.copy_from_slice(&found);
+        let largest = found.into_iter().max().unwrap_or(0);
+        // SAFETY: writable, as the caller promises.
+        unsafe { store(object_count, largest.into()) };
         Ok(Outcome::Ok)
     })
 }
@@ -196,10 +235,13 @@ impl Options {
         let sensor = SensorModel::new(given.sensor.constant_m, given.sensor.quadratic_per_m, given.sensor.deviations)?;
         let up = Vector3::from(given.up);
         let up = match up.amax() {
+            // Asked first: the largest of NaN and 0 may be 0.
+            _ if up.iter().any(|value| !value.is_finite()) => {
+                return Err(invalid(format!("`options.up` is {:?}: it must be finite, or 0, 0, 0 if it is not known", given.up)));
+            }
             0.0 => None,
             // Scaled first: the squares of huge and tiny numbers are no numbers.
-            largest if up.iter().all(|value| value.is_finite()) => Some(Unit::new_normalize(up / largest)),
-            _ => return Err(invalid(format!("`options.up` is {:?}: it must be finite, or 0, 0, 0 if it is not known", given.up))),
+            largest => Some(Unit::new_normalize(up / largest)),
         };
         if !(given.share > 0.0 && given.share <= 1.0) {
             return Err(invalid(format!("`options.share` is {}: it must be above 0 and at most 1", given.share)));
@@ -238,6 +280,19 @@ impl Images<'_> {
     /// the result is used.
     unsafe fn read(frame: *const DepthFrame) -> Result<Self, Failure> {
         // SAFETY: readable for its size, as promised.
+        let (given, images) = unsafe { Self::read_depth(frame) }?;
+        // SAFETY: NULL, or as many readable numbers as the frame says, as promised.
+        let labels = unsafe { numbers(given.labels, given.label_count, "frame.labels") }?;
+        Ok(Self { labels, ..images })
+    }
+
+    /// The frame as it was given, and what it shows without its labels, which are not looked at.
+    ///
+    /// # Safety
+    /// `frame` is NULL or readable for its `size`; its depth image is NULL or has as many readable values as it says, unchanged as long
+    /// as the result is used.
+    unsafe fn read_depth(frame: *const DepthFrame) -> Result<(DepthFrame, Self), Failure> {
+        // SAFETY: readable for its size, as promised.
         let given = unsafe { read_sized(frame, "frame") }?;
         if given.reserved != 0 {
             return Err(invalid("`frame.reserved` is not 0: start from BEO_DEPTH_FRAME_INIT"));
@@ -245,10 +300,8 @@ impl Images<'_> {
         let camera = given.intrinsics;
         let intrinsics = Intrinsics::new(camera.width, camera.height, [camera.fx, camera.fy], [camera.cx, camera.cy], camera.distortion)?;
         // SAFETY: NULL, or as many readable numbers as the frame says, as promised.
-        let (depth, labels) = unsafe {
-            (numbers(given.depth_m, given.depth_count, "frame.depth_m")?, numbers(given.labels, given.label_count, "frame.labels")?)
-        };
-        Ok(Self { intrinsics, depth, labels })
+        let depth = unsafe { numbers(given.depth_m, given.depth_count, "frame.depth_m") }?;
+        Ok((given, Self { intrinsics, depth, labels: &[] }))
     }
 
     fn frame(&self) -> Result<Frame<'_>, Failure> {
@@ -293,3 +346,6 @@ unsafe fn placed(grid: *const PlacedGrid) -> Result<Grid, Failure> {
     let place = Isometry3::from_parts(Translation3::from(given.position_m), UnitQuaternion::new_normalize(orientation));
     Ok(Grid::new(given.dims.map(|side| side as usize), given.voxel_size_m, place)?)
 }
+
+#[cfg(test)]
+mod tests;
