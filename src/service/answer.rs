@@ -153,6 +153,10 @@ impl Answerer {
         {
             self.query.rotation_prior = expected.clone();
         }
+        // From above, the whole top of an object is seen in each frame, and one frame says as much as many.
+        if beo_ipc::View::from_code(header.view) != Some(beo_ipc::View::Camera) {
+            return None;
+        }
         continued.class.log_prior(&mut self.query.log_prior);
         // A class that is left out stays out.
         for (expected, prior) in self.query.log_prior.iter_mut().zip(&self.class_prior) {

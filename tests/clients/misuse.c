@@ -496,8 +496,9 @@ int main(int argc, char **argv) {
     threads(argv[1], producer);
 
     /* What was taken or loaned outlives its handle. */
-    static uint8_t unknown[VOXELS];
-    memset(unknown, 255, VOXELS);
+    static uint8_t seen[VOXELS];
+    memset(seen, 255, VOXELS);
+    memset(seen + VOXELS / 2, 1, SIDE * SIDE);
     beo_percept percept;
     beo_completion_view view;
     BEO_COMPLETION_VIEW_INIT(view);
@@ -507,7 +508,7 @@ int main(int argc, char **argv) {
     while (beo_subscriber_take_completion(subscriber, &completion, &view) == BEO_STATUS_OK) {
         GIVES(BEO_STATUS_OK, beo_completion_release(completion));
     }
-    GIVES(BEO_STATUS_OK, beo_perceive_with(producer, subscriber, NULL, unknown, VOXELS, 30000, &percept));
+    GIVES(BEO_STATUS_OK, beo_perceive_with(producer, subscriber, NULL, seen, VOXELS, 30000, &percept));
     GIVES(BEO_STATUS_OK, beo_subscriber_take_completion(subscriber, &completion, &view));
     GIVES(BEO_STATUS_OK, beo_producer_loan(producer, &loan, &voxels, NULL));
     GIVES(BEO_STATUS_OK, beo_subscriber_close(subscriber));

@@ -282,12 +282,18 @@ impl Observer {
             label: options.support_label.filter(|label| !masked.pixels(*label).is_empty()),
         };
         let masks: Vec<(u16, &[u32])> = masked.objects(search.label).map(|object| (object, masked.pixels(object))).collect();
-        let supports = find_supports(&scene, &masks, &search).or_else(|| only_up(&search));
+        // Labels without any reading say nothing of where things stand.
+        let read: Vec<(u16, &[u32])> = masks.iter().filter(|(_, mask)| !mask.is_empty()).copied().collect();
+        let supports = find_supports(&scene, &read, &search).or_else(|| only_up(&search));
         let support_labels = supports.as_ref().map_or_else(Vec::new, |supports| supports.labels.clone());
         let mut cleaned = vec![0; depth.len()];
         let mut flying = Vec::new();
         let mut found = Vec::new();
         for (object, mask) in masks.iter().filter(|(object, _)| support_labels.binary_search(object).is_err()) {
+            if mask.is_empty() {
+                found.push((*object, 0, None, Quality::default()));
+                continue;
+            }
             let local = supports.as_ref().and_then(|supports| local_support(&scene, mask, supports));
             let readings = own_readings(&scene, mask, local.as_ref(), options.placement.least_readings.max(1), &mut self.state);
             readings.pixels.iter().for_each(|pixel| cleaned[*pixel as usize] = *object);

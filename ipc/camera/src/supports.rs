@@ -207,7 +207,8 @@ fn is_support(scene: &Scene<'_>, masks: &Masks<'_>, pixels: &[u32]) -> bool {
     if masks.len() < 2 || pixels.len() * 12 < readings {
         return false;
     }
-    let label = scene.labels[pixels[0] as usize];
+    let Some(first) = pixels.first() else { return false };
+    let label = scene.labels[*first as usize];
     let blocks = flat_blocks(scene.rays, scene.depth, scene.sensor, |pixel| scene.labels[pixel] == label);
     let Some(found) = find_planes(&blocks, scene.sensor, 1, |_| true).into_iter().next() else { return false };
     let some: Vec<u32> = some_of(pixels, 2000).copied().collect();
