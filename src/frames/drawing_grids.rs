@@ -190,3 +190,61 @@ fn corners(grid: &Grid) -> [Point3<f64>; 8] {
         grid.grid_to_camera() * Point3::new(at(0), at(1), at(2))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beo_camera::{GridOptions, lay_grids};
+
+    #[test]
+    fn readings_taken_and_left_have_their_colours_and_the_box_its_corners() {
+        // A block's face at 0.9 m before a wall at 1.5 m; the mask is six pixels too wide to the left and right.
+        let camera = Intrinsics::new(160, 120, [150.0; 2], [79.5, 59.5], [0.0; 5]).unwrap();
+        let (mut depth, mut labels) = (vec![1.5_f32; 160 * 120], vec![0_u16; 160 * 120]);
+        for pixel in 0..160 * 120 {
+            let (x, y) = (pixel % 160, pixel / 160);
+            if (45..75).contains(&y) && (60..100).contains(&x) {
+                depth[pixel] = 0.9;
+            }
+            if (45..75).contains(&y) && (54..106).contains(&x) {
+                labels[pixel] = 5;
+            }
+        }
+        let frame = Frame::new(&camera, &depth, &labels).unwrap();
+        let options = GridOptions { gravity: Some(Vector3::y_axis()), ..GridOptions::new([20; 3]) };
+        let grids = lay_grids(frame, &options);
+        let image = draw_grids(&frame, &grids);
+        assert_eq!(image.height(), 120 + 8 + 2 * LINE);
+        let own = object_colour(&[5], 5).unwrap();
+        assert_eq!(image.pixel(60, 50), own.rgb, "what was taken is outlined");
+        assert_ne!(image.pixel(80, 60), draw_depth_of(&frame, &[0; 160 * 120]).pixel(80, 60), "and tinted");
+        for (x, y) in [(54, 60), (57, 51), (105, 51)] {
+            let striped = (x..x + 4).filter(|x| is_striped(*x, y) && grids.labels()[y * 160 + x] == 0 && labels[y * 160 + x] == 5);
+            assert!(striped.clone().count() > 0, "{x} {y}");
+            assert!(striped.into_iter().all(|x| image.pixel(x, y) == LEFT.rgb), "{x} {y}");
+        }
+        assert!((61..99).all(|x| image.pixel(x, 60) != LEFT.rgb), "what was taken has no stripes");
+
+        // The grid's corners by the pinhole's formula, from the axes in the camera frame: x forward, y left, z up.
+        let grid = grids.objects[0].grid.as_ref().unwrap().grid;
+        let half = 10.0 * grid.voxel_size_m();
+        let centre = grid.grid_to_camera().translation.vector;
+        let axes = grid.grid_to_camera().rotation.to_rotation_matrix();
+        let mut seen = 0;
+        for signs in 0..8 {
+            let sign = |bit: usize| if signs >> bit & 1 == 1 { half } else { -half };
+            let p = centre + axes * Vector3::new(sign(0), sign(1), sign(2));
+            let (u, v) = ((150.0 * p.x / p.z + 79.5).round(), (150.0 * p.y / p.z + 59.5).round());
+            // The caption may lie over upper ones.
+            if v > 59.5 && u >= 0.0 && u < 160.0 && v < 120.0 {
+                seen += 1;
+                assert_eq!(image.pixel(u as usize, v as usize), own.rgb, "corner {signs} at {u}, {v}");
+            }
+        }
+        assert_eq!(seen, 4, "the lower corners are in the image");
+    }
+
+    fn draw_depth_of(frame: &Frame<'_>, labels: &[u16]) -> Image {
+        crate::frames::draw_depth(&Frame::new(frame.intrinsics(), frame.depths(), labels).unwrap(), &[], None)
+    }
+}
