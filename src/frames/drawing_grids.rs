@@ -16,9 +16,10 @@ const LINE: usize = 17;
 /// Distances of the lines on planes, metres: the first that is seen under so many pixels.
 const SPACINGS_M: [f64; 6] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 const LEAST_SPACING_PIXELS: f64 = 30.0;
-/// A reading shows a plane if it is nearer to it than this, metres, or than so many standard deviations.
+/// A reading shows a plane if it is nearer to it than this, metres, or than so many standard deviations, at most metres.
 const NEAR_M: f64 = 0.01;
 const NEAR_DEVIATIONS: f64 = 3.0;
+const NEAR_MOST_M: f64 = 0.03;
 /// Pieces that an edge of a grid is drawn in: lenses bend it.
 const PIECES: u32 = 48;
 /// A share below which nothing is said, of one.
@@ -133,7 +134,7 @@ fn spacing_m(frame: &Frame<'_>) -> f64 {
     SPACINGS_M.into_iter().find(is_seen).unwrap_or(SPACINGS_M[SPACINGS_M.len() - 1])
 }
 
-/// Draws lines at right angles on a plane where a reading that is no object's shows it.
+/// Draws lines at right angles on a plane where a reading that is no object's shows it, and no other plane is nearer to it.
 fn draw_plane(image: &mut Image, taken: &Frame<'_>, plane: &Plane, grids: &FrameGrids, spacing_m: f64) {
     let camera = taken.intrinsics();
     let width = camera.width() as usize;
@@ -146,10 +147,13 @@ fn draw_plane(image: &mut Image, taken: &Frame<'_>, plane: &Plane, grids: &Frame
         .map(|pixel| {
             let depth = taken.depth(pixel)?;
             let ray = camera.unproject([(pixel % width) as f64, (pixel / width) as f64])?;
-            let near = NEAR_M.max(NEAR_DEVIATIONS * grids.sensor().deviation(depth));
+            let near = NEAR_M.max(NEAR_DEVIATIONS * grids.sensor().deviation(depth)).min(NEAR_MOST_M);
             let slope = normal.dot(&ray);
             let met = ray * (-plane.offset() / slope);
-            (slope < 0.0 && met.z > 0.0 && plane.height(&Point3::from(ray * depth)).abs() < near)
+            let point = Point3::from(ray * depth);
+            let height = plane.height(&point).abs();
+            let is_nearest = grids.supports.iter().all(|other| height <= other.height(&point).abs());
+            (slope < 0.0 && met.z > 0.0 && height < near && is_nearest)
                 .then(|| [across.dot(&met), along.dot(&met)].map(|at| (at / spacing_m).floor() as i64))
         })
         .collect();
