@@ -161,7 +161,7 @@ fn draw_plane(image: &mut Image, taken: &Frame<'_>, plane: &Plane, grids: &Frame
         let crosses = |other: usize| squares.get(other).copied().flatten().is_some_and(|other| Some(other) != *square);
         let right = (pixel + 1) % width != 0 && crosses(pixel + 1);
         if square.is_some() && taken.label(pixel) == 0 && (right || crosses(pixel + width)) {
-            image.blend(pixel % width, pixel / width, PLANE.with_opacity(0.7));
+            image.blend(pixel % width, pixel / width, PLANE.with_opacity(0.5));
         }
     }
 }
