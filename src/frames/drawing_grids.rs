@@ -190,7 +190,7 @@ fn draw_box(image: &mut Image, camera: &Intrinsics, grid: &Grid, colour: Colour)
 fn corners(grid: &Grid) -> [Point3<f64>; 8] {
     let half = grid.dims().map(|side| 0.5 * side as f64 * grid.voxel_size_m());
     std::array::from_fn(|corner| {
-        let at = |axis: usize| if corner >> axis & 1 == 1 { half[axis] } else { -half[axis] };
+        let at = |axis: usize| if (corner >> axis) & 1 == 1 { half[axis] } else { -half[axis] };
         grid.grid_to_camera() * Point3::new(at(0), at(1), at(2))
     })
 }
@@ -223,9 +223,9 @@ mod tests {
         assert_eq!(image.pixel(60, 50), own.rgb, "what was taken is outlined");
         assert_ne!(image.pixel(80, 60), draw_depth_of(&frame, &[0; 160 * 120]).pixel(80, 60), "and tinted");
         for (x, y) in [(54, 60), (57, 51), (105, 51)] {
-            let striped = (x..x + 4).filter(|x| is_striped(*x, y) && grids.labels()[y * 160 + x] == 0 && labels[y * 160 + x] == 5);
-            assert!(striped.clone().count() > 0, "{x} {y}");
-            assert!(striped.into_iter().all(|x| image.pixel(x, y) == LEFT.rgb), "{x} {y}");
+            let is_left = |x: &usize| is_striped(*x, y) && grids.labels()[y * 160 + x] == 0 && labels[y * 160 + x] == 5;
+            let striped: Vec<usize> = (x..x + 4).filter(is_left).collect();
+            assert!(!striped.is_empty() && striped.iter().all(|x| image.pixel(*x, y) == LEFT.rgb), "{x} {y}");
         }
         assert!((61..99).all(|x| image.pixel(x, 60) != LEFT.rgb), "what was taken has no stripes");
 
@@ -236,7 +236,7 @@ mod tests {
         let axes = grid.grid_to_camera().rotation.to_rotation_matrix();
         let mut seen = 0;
         for signs in 0..8 {
-            let sign = |bit: usize| if signs >> bit & 1 == 1 { half } else { -half };
+            let sign = |bit: usize| if (signs >> bit) & 1 == 1 { half } else { -half };
             let p = centre + axes * Vector3::new(sign(0), sign(1), sign(2));
             let (u, v) = ((150.0 * p.x / p.z + 79.5).round(), (150.0 * p.y / p.z + 59.5).round());
             // The caption may lie over upper ones.
