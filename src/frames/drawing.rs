@@ -4,7 +4,7 @@ use beo_camera::Frame;
 use beo_picture::{Anchor, Colour, Image, TextSize, viridis};
 
 /// Width of the colour bar with its numbers, pixels.
-const BAR: usize = 72;
+pub(super) const BAR: usize = 72;
 /// How much of an object's colour lies over its depths.
 const TINT: f32 = 0.25;
 /// Colours of objects, in turn: none of those of the depths.
@@ -26,13 +26,29 @@ pub fn draw_depth(frame: &Frame<'_>, captions: &[(u16, String)], support: Option
     let (width, height) = (frame.intrinsics().width() as usize, frame.intrinsics().height() as usize);
     let mut image = Image::new(width + BAR, height);
     let objects = frame.objects(support);
-    let colour_of = |label: u16| objects.binary_search(&label).ok().map(|n| OBJECTS[n % OBJECTS.len()]);
+    paint(&mut image, frame, &objects, TINT);
+    for label in &objects {
+        let text = captions.iter().find(|(of, _)| of == label).map_or_else(|| label.to_string(), |(_, text)| text.clone());
+        caption(&mut image, frame, *label, &text, object_colour(&objects, *label).unwrap_or(Colour::INK));
+    }
+    image
+}
+
+/// The colour of a label among all objects, ascending; `None` where it is none of them.
+pub(super) fn object_colour(objects: &[u16], label: u16) -> Option<Colour> {
+    objects.binary_search(&label).ok().map(|n| OBJECTS[n % OBJECTS.len()])
+}
+
+/// Paints the depths into the upper left of an image with the bar beside them; the pixels of each of the objects, ascending, are outlined in
+/// its colour and tinted by the share `tint` of it.
+pub(super) fn paint(image: &mut Image, frame: &Frame<'_>, objects: &[u16], tint: f32) {
+    let (width, height) = (frame.intrinsics().width() as usize, frame.intrinsics().height() as usize);
     let range = range(frame);
     for pixel in 0..width * height {
         let (x, y) = (pixel % width, pixel / width);
         let share = frame.depth(pixel).zip(range).map(|(depth, [near, far])| ((depth - near) / (far - near)) as f32);
         let base = share.map_or(Colour::NO_READING, viridis);
-        let own = colour_of(frame.label(pixel));
+        let own = object_colour(objects, frame.label(pixel));
         let other = |x: usize, y: usize| frame.label(y * width + x) != frame.label(pixel);
         // Two pixels wide, within the object.
         let is_border = (1..=2).any(|d| {
@@ -40,19 +56,14 @@ pub fn draw_depth(frame: &Frame<'_>, captions: &[(u16, String)], support: Option
         });
         let colour = match own {
             Some(own) if is_border => own,
-            Some(own) => base.mix(own, TINT),
+            Some(own) => base.mix(own, tint),
             None => base,
         };
         image.set(x, y, colour.rgb);
     }
-    for label in &objects {
-        let text = captions.iter().find(|(of, _)| of == label).map_or_else(|| label.to_string(), |(_, text)| text.clone());
-        caption(&mut image, frame, *label, &text, colour_of(*label).unwrap_or(Colour::INK));
-    }
     if let Some(range) = range {
-        bar(&mut image, width, range);
+        bar(image, width, height, range);
     }
-    image
 }
 
 /// Depths at the ends of the colours; `None` where there is no reading.
@@ -69,7 +80,7 @@ fn range(frame: &Frame<'_>) -> Option<[f64; 2]> {
 }
 
 /// Writes an object's text on a plate above it, within the picture.
-fn caption(image: &mut Image, frame: &Frame<'_>, label: u16, text: &str, colour: Colour) {
+pub(super) fn caption(image: &mut Image, frame: &Frame<'_>, label: u16, text: &str, colour: Colour) {
     let (columns, rows) = (frame.intrinsics().width() as usize, frame.intrinsics().height() as usize);
     let of = (0..columns * rows).filter(|pixel| frame.label(*pixel) == label);
     let bounds = of.fold([usize::MAX, 0, usize::MAX], |[left, right, top], pixel| {
@@ -84,8 +95,8 @@ fn caption(image: &mut Image, frame: &Frame<'_>, label: u16, text: &str, colour:
     image.text(text, left + 5, top + height / 2, TextSize::Small, Anchor::Left, Colour::INK);
 }
 
-fn bar(image: &mut Image, left: usize, [near, far]: [f64; 2]) {
-    let (top, bottom) = (16, image.height() as i32 - 17);
+fn bar(image: &mut Image, left: usize, height: usize, [near, far]: [f64; 2]) {
+    let (top, bottom) = (16, height as i32 - 17);
     let x = left as i32 + 8;
     for row in top..=bottom {
         image.rectangle(x, row, 12, 1, viridis((row - top) as f32 / (bottom - top).max(1) as f32));

@@ -8,6 +8,7 @@
 //! | `camera_files` | cameras by ROS, Kalibr, Open3D, librealsense |
 //! | `scene_camera`, `trajectory` | what else is known of the camera: BOP, TUM |
 //! | `drawing` | a depth image with the objects in it |
+//! | `drawing_grids` | the readings that were taken and left, the planes and the grids of a frame |
 //! | `plausibility` | depths and sizes that no household scene has |
 //! | `synthetic` | a camera that renders depth of meshes and voxels, with a sensor's faults |
 //!
@@ -17,6 +18,7 @@
 mod camera_files;
 mod captured;
 mod drawing;
+mod drawing_grids;
 mod folder;
 mod images;
 mod plausibility;
@@ -27,6 +29,7 @@ mod trajectory;
 pub use camera_files::{CameraChoice, CameraInfo, parse_camera_info};
 pub use captured::{CapturedFrame, SizeError};
 pub use drawing::draw_depth;
+pub use drawing_grids::draw_grids;
 pub use folder::{FolderError, FolderOptions, FrameFolder, Unlabelled};
 pub use images::{ColourLabels, DepthAlong, DepthUnit, Image, MILLIMETRE, MOST_PIXELS, Raster, VoidLabels, farthest_m};
 pub use images::{parse_jpeg_image, parse_npy_image, parse_png_image, parse_tiff_image};

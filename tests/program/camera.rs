@@ -256,6 +256,24 @@ fn without_a_plane_gravity_says_what_is_up() {
 }
 
 #[test]
+fn a_picture_of_each_frame_shows_what_was_found() {
+    let folder = tempfile::tempdir().unwrap();
+    scene(folder.path());
+    let (out, pictures) = (folder.path().join("grids"), folder.path().join("pictures"));
+    let arguments = ["--out", out.to_str().unwrap(), "--png", pictures.to_str().unwrap()];
+    let (code, said, errors) = beo_camera(folder.path(), &arguments);
+    assert_eq!(code, Some(0), "{said}{errors}");
+    let names: Vec<_> = std::fs::read_dir(&pictures).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names, ["scene.png"]);
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(pictures.join("scene.png")).unwrap()));
+    let reader = decoder.read_info().unwrap();
+    // The image with the bar beside it or the text below it; below are the legend and three objects.
+    assert!(reader.info().width >= SIZE[0] + 72 && reader.info().height == SIZE[1] + 8 + 4 * 17, "{:?}", reader.info().size());
+    let (code, _, errors) = beo_camera(folder.path(), &["--out", out.to_str().unwrap(), "--png", folder.path().to_str().unwrap()]);
+    assert!(code == Some(2) && errors.contains("a folder of their own"), "{errors}");
+}
+
+#[test]
 fn a_frame_that_cannot_be_read_is_named_and_skipped() {
     let folder = tempfile::tempdir().unwrap();
     scene(folder.path());

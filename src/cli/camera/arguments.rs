@@ -108,6 +108,9 @@ pub struct Camera {
     /// Voxels along each side of the grids [default: 30]
     #[arg(long, value_name = "N", requires = "out")]
     pub(super) resolution: Option<usize>,
+    /// Write a picture of each frame into this folder, FRAME.png: its depth, the readings that were taken and left, planes and grids
+    #[arg(long, value_name = "DIR")]
+    pub(super) png: Option<PathBuf>,
 }
 
 /// What depth images measure.

@@ -7,10 +7,12 @@
 //! | `replay` | plays the frames and counts |
 //! | `sink` | where grids go |
 //! | `daemon`, `files` | grids into shared memory, and into a folder |
+//! | `pictures` | a picture of each frame |
 
 mod arguments;
 mod daemon;
 mod files;
+mod pictures;
 mod poses;
 mod replay;
 mod sink;
@@ -26,6 +28,7 @@ use std::time::Instant;
 pub use arguments::Camera;
 use daemon::Daemon;
 use files::Files;
+use pictures::Pictures;
 use poses::read_trajectory;
 use replay::Replay;
 
@@ -44,12 +47,13 @@ impl Camera {
             Some(path) => Some(read_trajectory(path, frames.count())?),
             None => None,
         };
+        let pictures = self.png.as_deref().map(|folder| Pictures::new(folder, &self.folder)).transpose()?;
         let stop = stop::on_signal()?;
         match &self.out {
             Some(folder) => {
                 let dims = Dims::cube(self.resolution.unwrap_or(RESOLUTION)).map_err(|error| Failure::Usage(error.to_string()))?;
                 let mut files = Files::new(folder, dims)?;
-                let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
+                let mut replay = Replay::new(&self, &frames, poses, pictures, self.grid_options(dims)?);
                 replay.play(&stop, &mut files)?;
                 say!("{}, {}", replay.summary(), files.summary());
                 replay.outcome(files.written())
@@ -62,7 +66,7 @@ impl Camera {
                 let [x, y, z] = status.dims.map(|side| side as usize);
                 let dims = Dims::new(x, y, z)?;
                 let producer = Producer::open_within(&self.instance, &self.template(status.dims), wait)?;
-                let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
+                let mut replay = Replay::new(&self, &frames, poses, pictures, self.grid_options(dims)?);
                 let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none(), self.known_side);
                 replay.play(&stop, &mut daemon)?;
                 let answers = daemon.finish()?;

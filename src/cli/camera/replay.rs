@@ -1,6 +1,7 @@
 //! Plays the frames of a folder at their pace: each object of each frame goes to the sink as a grid, or ends as a line that says why not.
 
 use super::arguments::{Camera, SegmentArgument};
+use super::pictures::Pictures;
 use super::sink::{Shown, Sink};
 use crate::cli::failure::Failure;
 use crate::frames::{CapturedFrame, FrameFolder, StampedPose, question_depth, question_size};
@@ -21,6 +22,7 @@ pub(super) struct Replay<'a> {
     camera: &'a Camera,
     folder: &'a FrameFolder,
     poses: Option<Vec<StampedPose>>,
+    pictures: Option<Pictures>,
     options: GridOptions,
     observer: Observer,
     fused: FusedObjects,
@@ -34,10 +36,29 @@ pub(super) struct Replay<'a> {
 }
 
 impl<'a> Replay<'a> {
-    pub(super) fn new(camera: &'a Camera, folder: &'a FrameFolder, poses: Option<Vec<StampedPose>>, options: GridOptions) -> Self {
+    pub(super) fn new(
+        camera: &'a Camera,
+        folder: &'a FrameFolder,
+        poses: Option<Vec<StampedPose>>,
+        pictures: Option<Pictures>,
+        options: GridOptions,
+    ) -> Self {
         let (fused, unreadable) = (FusedObjects::default(), BTreeSet::new());
         let observer = Observer::new(options);
-        Self { camera, folder, poses, options, observer, fused, frames: 0, unreadable, without_grid: 0, asked: 0, questioned: false }
+        Self {
+            camera,
+            folder,
+            poses,
+            pictures,
+            options,
+            observer,
+            fused,
+            frames: 0,
+            unreadable,
+            without_grid: 0,
+            asked: 0,
+            questioned: false,
+        }
     }
 
     pub(super) fn play(&mut self, stop: &AtomicBool, sink: &mut impl Sink) -> Result<(), Failure> {
@@ -105,6 +126,10 @@ impl<'a> Replay<'a> {
         }
         for object in &captured.hidden {
             self.say_why_not(captured.name(), &format!("object {object} has no pixel: its mask is empty, or nearer objects hide it"))?;
+        }
+        // Last: nobody waits for a picture.
+        if let Some(pictures) = &self.pictures {
+            pictures.draw(captured, &grids)?;
         }
         Ok(())
     }
