@@ -80,7 +80,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The sensor's noise, what is up, if you know it, and the object's size, if you know it, go in here.
     let (sensor, placement) = (SensorModel::default(), Placement::default());
     let search = PlaneSearch { label: None, up: None, sensor };
-    let options = GridOptions { sensor, ..GridOptions::new([side; 3]) };
+    let mut observer = Observer::new(GridOptions { sensor, ..GridOptions::new([side; 3]) });
     let intrinsics = intrinsics();
 
     let template = ObservationHeader::new([side as u32; 3]);
@@ -91,7 +91,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             break;
         }
         let images = next_frame(&intrinsics, has_labels, number, start);
-        let labels = images.labels.unwrap_or_else(|| Observer::new(options).segment_table(&intrinsics, &images.depth_m));
+        let labels = images.labels.unwrap_or_else(|| observer.segment_table(&intrinsics, &images.depth_m));
         let frame = Frame::new(&intrinsics, &images.depth_m, &labels)?;
         // Where the table is hidden, it is where it was.
         table = fit_support(&frame, &search).or(table);
