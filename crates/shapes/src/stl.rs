@@ -48,7 +48,7 @@ pub(super) fn stl_count_note(bytes: &[u8]) -> Option<String> {
     let declared = declared(bytes).filter(|_| !is_text(bytes))?;
     let rest = bytes.len() - HEADER;
     let by_size = rest / TRIANGLE;
-    (by_size > declared && rest % TRIANGLE == 0)
+    (by_size > declared && rest.is_multiple_of(TRIANGLE))
         .then(|| format!("the header says {declared} triangles, the size of the file {by_size}: all {by_size} were read"))
 }
 
@@ -82,7 +82,7 @@ fn read_binary(bytes: &[u8]) -> Result<Content, FormatError> {
         let problem = format!("{declared} triangles need {needed} bytes, the file has {}: it is incomplete, or no STL file", bytes.len());
         return Err(FormatError::Byte { format: FORMAT, byte: 80, problem });
     }
-    if by_size > declared && rest % TRIANGLE != 0 {
+    if by_size > declared && !rest.is_multiple_of(TRIANGLE) {
         let problem = format!(
             "the header says {declared} triangles, after which there are {} bytes more: more than trailing bytes, and no whole triangles of \
              {TRIANGLE} bytes; export the mesh again",
