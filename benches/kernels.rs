@@ -1,15 +1,15 @@
 //! The kernels of a query one by one, and whole queries, with the shipped model on made-up furniture: one piece of each class in
 //! turn, so that no figure is that of one object. `cargo bench --bench kernels -- --test` runs each once.
 
-use beo::benchmark::latency::six_objects;
-use beo::camera::{GridOptions, carve, lay_grids};
-use beo::grid::{Dims, Observation, Outside, Rotation, Turn, View, distance_transform, yaw};
-use beo::linear;
-use beo::model::{Model, load};
-use beo::perception::{
+use beo_camera::{GridOptions, carve, lay_grids};
+use beo_core::grid::{Dims, Observation, Outside, Rotation, Turn, View, distance_transform, yaw};
+use beo_core::linear;
+use beo_core::model::{Model, load};
+use beo_core::perception::{
     ClassSubspace, ColumnSums, Conditional, Density, Known, Method, Perceiver, Percept, PoseSearch, Query, RotationPrior,
 };
-use beo::shapes::furniture;
+use beo_lab::benchmark::latency::six_objects;
+use beo_shapes::furniture;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use faer::Mat;
 use std::hint::black_box;
@@ -157,8 +157,8 @@ fn query(criterion: &mut Criterion) {
 /// A depth image of 640 × 480 pixels, in memory, to the grids of its six objects.
 fn camera(criterion: &mut Criterion) {
     let scene = six_objects();
-    let options = GridOptions::new(Dims::cube(30).unwrap());
-    let mut voxels = vec![0; options.dims.voxels()];
+    let options = GridOptions::new([30; 3]);
+    let mut voxels = vec![0; options.dims.iter().product()];
     let mut group = criterion.benchmark_group("camera");
     group.bench_function("plane and placement, 6 objects", |b| b.iter(|| lay_grids(scene.frame(), &options)));
     let laid = lay_grids(scene.frame(), &options);

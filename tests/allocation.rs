@@ -3,9 +3,9 @@
 //!
 //! It runs on one thread, as it does in the daemon, so that whatever it allocates is counted.
 
-use beo::grid::{Observation, View, yaw};
-use beo::perception::{Method, Perceiver, Percept, PoseSearch, Query, RotationPrior};
-use beo::shapes::furniture;
+use beo_core::grid::{Observation, View, yaw};
+use beo_core::perception::{Method, Perceiver, Percept, PoseSearch, Query, RotationPrior};
+use beo_shapes::furniture;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ fn observations(perceiver: &Perceiver) -> Vec<Observation> {
 
 fn perceiver() -> Perceiver {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/modelnet10.safetensors");
-    Perceiver::new(Arc::new(beo::model::load(&file).unwrap())).unwrap()
+    Perceiver::new(Arc::new(beo_core::model::load(&file).unwrap())).unwrap()
 }
 
 /// Asks once to warm up, and once to count.

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::perceive::describe_pose;
-use crate::grid::{Rotation, from_xyzw};
+use beo_core::grid::{Rotation, from_xyzw};
 use beo_ipc::text::from_field;
 use beo_ipc::{Completion, Hypothesis, Percept, PerceptStatus, Status, Subscriber, tasks};
 use serde_json::json;

@@ -1,13 +1,13 @@
 //! `beo demo`: a synthetic depth camera circles made-up household things; daemon, camera and watcher are processes of their own.
 
 use super::failure::{Failure, cannot_write};
-use crate::camera::synthetic::{Circle, CircleView, FrameWriter, SyntheticCamera};
-use crate::grid::{from_xyzw, yaw_of};
-use crate::model::load;
-use crate::picture::draw_depth;
-use crate::process::{Process, this_program};
-use crate::shapes::{Mesh, household};
+use crate::frames::draw_depth;
+use crate::frames::synthetic::{Circle, CircleView, FrameWriter, SyntheticCamera};
 use beo_camera::Intrinsics;
+use beo_core::grid::{from_xyzw, yaw_of};
+use beo_core::model::load;
+use beo_lab::process::{Process, this_program};
+use beo_shapes::{Mesh, household};
 use clap::Args;
 use nalgebra::Vector3;
 use rayon::prelude::*;

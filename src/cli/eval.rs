@@ -1,15 +1,16 @@
 //! `beo eval`: the paper's protocol.
 
+use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::{Failure, cannot_write};
 use super::leave_one_out::LeaveOneOut;
 use super::progress;
 use super::shapes::{self, CAMERA_DISTANCE, MeshArguments};
-use crate::evaluation::figures::{self, Example};
-use crate::evaluation::{Evaluation, OneView, Protocol, Viewpoint, evaluate, evaluate_icp, sample, table};
-use crate::perception::{Method, PaperPose, Perceiver, PoseSearch, Projection, Query};
-use crate::shapes::library::{LoadOptions, Shape};
+use beo_core::learning::Shape;
+use beo_core::perception::{Method, PaperPose, Perceiver, PoseSearch, Query};
+use beo_lab::evaluation::figures::{self, Example};
+use beo_lab::evaluation::{Evaluation, OneView, Protocol, Viewpoint, evaluate, evaluate_icp, sample, table};
+use beo_shapes::library::LoadOptions;
 use clap::{Args, ValueEnum};
-use serde::Deserialize;
 use std::path::PathBuf;
 
 /// Measure a model by the paper's protocol: one view of every object, in known or unknown pose
@@ -118,54 +119,9 @@ enum SeenFrom {
     Camera,
 }
 
-/// What is known of the pose.
-#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PoseArgument {
-    /// Objects stand as the training shapes do
-    Known,
-    /// Turned about the vertical axis
-    Yaw,
-    /// Turned in any way
-    Full,
-}
-
-impl PoseArgument {
-    /// The search, with angles about z in \[0, `span`) degrees.
-    pub fn search(self, span: f64) -> Result<PoseSearch, Failure> {
-        if !(span > 0.0 && span <= 360.0) {
-            return Err(Failure::Usage(format!("--yaw-span {span}: use degrees above 0, at most 360")));
-        }
-        Ok(match self {
-            PoseArgument::Known => PoseSearch::Known,
-            PoseArgument::Yaw => PoseSearch::Yaw { span: span.to_radians() },
-            PoseArgument::Full => PoseSearch::Full,
-        })
-    }
-}
-
-/// Prior over the classes.
-#[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PriorArgument {
-    /// All classes alike
-    Uniform,
-    /// In proportion to the training objects
-    Training,
-}
-
-/// How the paper's method projects.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum ProjectionArgument {
-    /// Lasso with λ = 1e-5 (eq. 18)
-    Lasso,
-    /// Ridge of 1e-3
-    Ridge,
-}
-
 /// How the paper's method finds the pose.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum PaperPoseArgument {
+enum PaperPoseArgument {
     /// Coarse by distance transforms (eq. 20), fine by density (eq. 21); with a known class by its density (eq. 12)
     Edt,
     /// Density alone (eqs. 12, 21)
@@ -183,26 +139,6 @@ impl PaperPoseArgument {
             Self::Density => PaperPose::Density,
             Self::Distance => PaperPose::Distance,
             Self::Reprojection => PaperPose::Reprojection,
-        }
-    }
-}
-
-impl ProjectionArgument {
-    /// The projection with its strength.
-    pub fn projection(self) -> Projection {
-        match self {
-            ProjectionArgument::Lasso => Projection::default(),
-            ProjectionArgument::Ridge => Projection::Ridge(1e-3),
-        }
-    }
-}
-
-impl PriorArgument {
-    /// log P(s) for a model, up to a constant.
-    pub fn log_prior(self, perceiver: &Perceiver) -> Vec<f64> {
-        match self {
-            PriorArgument::Uniform => Vec::new(),
-            PriorArgument::Training => perceiver.model().metadata.classes.iter().map(|c| (c.shapes as f64).ln()).collect(),
         }
     }
 }
@@ -287,6 +223,7 @@ impl Eval {
         let shapes = shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0 })?;
         let names: Vec<&str> = model.class_names().collect();
         let classes = shapes
+            .set
             .classes
             .iter()
             .map(|class| {
@@ -296,7 +233,7 @@ impl Eval {
                     .ok_or_else(|| Failure::Failed(format!("class `{class}` is not in the model, which knows {}", names.join(", "))))
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let chosen = sample(&shapes, self.limit, self.seed);
+        let chosen = sample(&shapes.set, self.limit, self.seed);
         let protocols: Vec<Protocol> =
             viewpoints.iter().map(|viewpoint| Protocol { viewpoint: *viewpoint, seed: self.seed, known_class: self.known_class }).collect();
         // The same queries for each viewpoint: every object as often as it is seen.

@@ -2,8 +2,8 @@
 
 use super::failure::{Failure, cannot_write};
 use super::progress;
-use crate::grid::Dims;
-use crate::shapes::{Mesh, furniture, household, write_binvox};
+use beo_core::grid::Dims;
+use beo_shapes::{Mesh, furniture, household, write_binvox};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::fmt::Write as _;

@@ -1,9 +1,9 @@
 //! `beo inspect`: what a model holds, in words and pictures.
 
 use super::failure::{Failure, cannot_write};
-use crate::model::{Blend, ClassModel, Metadata, Model, Outline, ViewDensities, load, outline, verify};
-use crate::perception::Perceiver;
-use crate::picture::{Chart, Image, draw_probability, draw_weights, sheet};
+use beo_core::model::{Blend, ClassModel, Metadata, Model, Outline, ViewDensities, load, outline, verify};
+use beo_core::perception::Perceiver;
+use beo_picture::{Chart, Image, draw_probability, draw_weights, sheet};
 use clap::Args;
 use std::path::{Path, PathBuf};
 

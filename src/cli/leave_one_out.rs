@@ -4,14 +4,14 @@ use super::failure::{Failure, cannot_write};
 use super::progress;
 use super::shapes::{self, MeshArguments};
 use super::train::Need;
-use crate::evaluation::leave_one_out::{figures, table};
-use crate::evaluation::{OneView, Outcome, leave_one_out, sample_places};
-use crate::grid::Dims;
-use crate::learning::{FEWEST_SHAPES, Step, TrainOptions};
-use crate::model::check_place;
-use crate::picture::SaveError;
-use crate::shapes::ReadError;
-use crate::shapes::library::{self, LoadOptions, Shapes, SkipReason};
+use beo_core::grid::Dims;
+use beo_core::learning::{FEWEST_SHAPES, Step, TrainOptions};
+use beo_core::model::check_place;
+use beo_lab::evaluation::leave_one_out::{figures, table};
+use beo_lab::evaluation::{OneView, Outcome, leave_one_out, sample_places};
+use beo_picture::SaveError;
+use beo_shapes::ReadError;
+use beo_shapes::library::{self, LoadOptions, Shapes, SkipReason};
 use std::path::{Path, PathBuf};
 
 /// Bytes of a voxel beside those that training takes: the completion and its deviation, the mean of the shapes, the sets of an observation.
@@ -98,8 +98,8 @@ impl LeaveOneOut<'_> {
         // Without its twin, which would give the shape away.
         let shapes = shapes::load(self.dir, splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES + 1 })?;
         require_one_size(&shapes)?;
-        let chosen = sample_places(&shapes, self.limit, self.seed);
-        let files: Vec<String> = chosen.iter().map(|place| shapes.shapes[*place].file.clone()).collect();
+        let chosen = sample_places(&shapes.set, self.limit, self.seed);
+        let files: Vec<String> = chosen.iter().map(|place| shapes.set.shapes[*place].file.clone()).collect();
         let options = TrainOptions { seed: self.seed, splits: splits.to_vec(), longest_side: read.longest(), ..TrainOptions::default() };
         let folder = self.png.map(|folder| folder.join(dims.x().to_string()));
         if let Some(folder) = &folder {
@@ -113,7 +113,7 @@ impl LeaveOneOut<'_> {
             }
         };
         let mut drawn: Result<(), SaveError> = Ok(());
-        let per_shape = leave_one_out(shapes, &chosen, self.view, &options, &learning, |example| {
+        let per_shape = leave_one_out(shapes.set, &chosen, self.view, &options, &learning, |example| {
             let errors = example.errors;
             tracing::info!(file = errors.file, side = dims.x(), iou_unknown = errors.beo.iou_unknown, "completed");
             if let (Some(folder), Ok(())) = (&folder, &drawn) {

@@ -5,13 +5,18 @@ mod output;
 
 mod align;
 mod answers;
+mod arguments;
+#[cfg(feature = "lab")]
 mod bench;
 mod camera;
+#[cfg(feature = "lab")]
 mod demo;
+#[cfg(feature = "lab")]
 mod eval;
 mod failure;
 mod generate;
 mod inspect;
+#[cfg(feature = "lab")]
 mod leave_one_out;
 mod logging;
 mod observe;
@@ -65,8 +70,11 @@ enum Command {
     Camera(camera::Camera),
     Watch(watch::Watch),
     Record(record::Record),
+    #[cfg(feature = "lab")]
     Demo(demo::Demo),
+    #[cfg(feature = "lab")]
     Eval(eval::Eval),
+    #[cfg(feature = "lab")]
     Bench(bench::Bench),
 }
 
@@ -103,8 +111,11 @@ pub fn run() -> ExitCode {
         Command::Camera(command) => command.run(),
         Command::Watch(command) => command.run(),
         Command::Record(command) => command.run(),
+        #[cfg(feature = "lab")]
         Command::Demo(command) => command.run(),
+        #[cfg(feature = "lab")]
         Command::Eval(command) => command.run(),
+        #[cfg(feature = "lab")]
         Command::Bench(command) => command.run(),
     };
     match outcome {

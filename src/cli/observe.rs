@@ -1,10 +1,10 @@
 //! `beo observe`: a camera-side producer that writes observations of shapes into shared memory.
 
-use super::eval::PoseArgument;
+use super::arguments::PoseArgument;
 use super::failure::Failure;
 use super::shapes::{CameraArguments, MeshArguments, Source, ViewArgument};
 use super::stop;
-use crate::grid::Dims;
+use beo_core::grid::Dims;
 use beo_ipc::{InstanceName, ObservationHeader, PoseSearch, Producer, Status, Subscriber, SubscriberOptions};
 use clap::Args;
 use std::path::PathBuf;

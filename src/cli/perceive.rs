@@ -1,11 +1,11 @@
 //! `beo perceive`: answer files without a daemon.
 
-use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
+use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::pictures::{PictureArguments, Shown};
 use super::shapes::{CameraArguments, MeshArguments, ViewArgument};
-use crate::grid::{Rotation, to_xyzw, yaw_of};
-use crate::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
+use beo_core::grid::{Rotation, to_xyzw, yaw_of};
+use beo_core::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeMap;

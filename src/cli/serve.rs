@@ -1,10 +1,10 @@
 //! `beo serve`: the daemon.
 
-use super::eval::{PoseArgument, PriorArgument, ProjectionArgument};
+use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::stop;
-use crate::perception::{Method, Query};
 use crate::service::{Daemon, Recipe, ServeOptions};
+use beo_core::perception::{Method, Query};
 use beo_ipc::InstanceName;
 use clap::Args;
 use serde::Deserialize;

@@ -2,10 +2,10 @@
 
 use super::failure::Failure;
 use super::progress;
-use crate::camera::simulation::{self, Eye};
-use crate::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
-use crate::shapes::library::{self, LoadOptions, Shapes};
-use crate::shapes::{Placing, ReadOptions, Up, longest_side, read_observation, read_shape};
+use beo_core::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
+use beo_core::simulation::{self, Eye};
+use beo_shapes::library::{self, LoadOptions, Shapes};
+use beo_shapes::{Placing, ReadOptions, Up, longest_side, read_observation, read_shape};
 use clap::{Args, ValueEnum};
 use nalgebra::Vector3;
 use std::borrow::Cow;
@@ -208,6 +208,7 @@ pub fn existing_splits(folder: &Path, wanted: &[&str]) -> Result<Vec<String>, Fa
 }
 
 /// Where no split was named: an error unless the folder has none.
+#[cfg(feature = "lab")]
 pub fn require_flat(folder: &Path) -> Result<(), Failure> {
     let splits = library::splits(folder)?;
     if splits.is_empty() {

@@ -3,11 +3,11 @@
 use super::failure::Failure;
 use super::shapes::{self, MeshArguments, ViewArgument};
 use super::{failure::cannot_write, progress};
-use crate::grid::{Dims, View};
-use crate::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
-use crate::memory::{self, Available};
-use crate::model::{MOST_COMPONENTS, check_place, levels_of, save};
-use crate::shapes::library::LoadOptions;
+use beo_core::grid::{Dims, View};
+use beo_core::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
+use beo_core::memory::{self, Available};
+use beo_core::model::{MOST_COMPONENTS, check_place, levels_of, save};
+use beo_shapes::library::LoadOptions;
 use clap::Args;
 use half::f16;
 use std::path::{Path, PathBuf};
@@ -77,6 +77,7 @@ impl Need {
     }
 
     /// The same with so much more memory.
+    #[cfg(feature = "lab")]
     pub fn with(self, more: usize) -> Self {
         Self { memory: self.memory.saturating_add(more as u64), ..self }
     }
@@ -213,7 +214,7 @@ impl Train {
         };
         let bar = progress::bar(self.folds + 2, "learning");
         let times = Times::default();
-        let model = train(&shapes, &options, &|Step { name, side, pass, done, total }: Step| {
+        let model = train(&shapes.set, &options, &|Step { name, side, pass, done, total }: Step| {
             let what = pass.map_or(name, pass_name);
             times.begin(Some(format!("on a grid of {side}: {what}")));
             match pass {
@@ -234,7 +235,7 @@ impl Train {
         say!(
             "learned {} classes from {} shapes in {:.1} s ({:.1} s reading): rank {}, held-out accuracy {:.3} on {} objects",
             model.classes.len(),
-            shapes.shapes.len(),
+            shapes.set.shapes.len(),
             start.elapsed().as_secs_f64(),
             loaded.as_secs_f64(),
             model.rank(),

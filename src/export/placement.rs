@@ -1,6 +1,6 @@
 //! Where a grid lies in the frame of the sensor or the world, as an observation's header says it.
 
-use crate::grid::{Dims, Rotation};
+use beo_core::grid::{Dims, Rotation};
 use nalgebra::{Point3, Vector3};
 
 /// Takes places in a grid to the frame that the observation named.

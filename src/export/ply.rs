@@ -125,8 +125,8 @@ pub fn save(path: &Path, bytes: &[u8]) -> Result<(), PlyError> {
 mod tests {
     use super::super::{GridPlacement, surface_of};
     use super::*;
-    use crate::grid::{Dims, yaw};
-    use crate::shapes::parse_ply;
+    use beo_core::grid::{Dims, yaw};
+    use beo_shapes::parse_ply;
 
     #[test]
     fn a_surface_reads_back_as_the_same_mesh() {

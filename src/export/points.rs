@@ -1,8 +1,8 @@
 //! What was seen, as a point cloud: the centres of the filled voxels of an observation.
 
 use super::GridPlacement;
-use crate::grid::Observation;
-use crate::picture::Colour;
+use beo_core::grid::Observation;
+use beo_picture::Colour;
 
 /// A point with its colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +24,7 @@ pub fn points_of(observation: &Observation, placement: &GridPlacement) -> Vec<Po
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Dims, yaw};
+    use beo_core::grid::{Dims, yaw};
 
     #[test]
     fn points_are_the_voxels_centres_where_the_grid_lies() {

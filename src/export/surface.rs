@@ -2,8 +2,8 @@
 //! Nets", 1998; one vertex for every cube of eight voxel centres that the surface passes, at the mean of where it crosses the cube's edges).
 
 use super::GridPlacement;
-use crate::grid::Dims;
-use crate::picture::Colour;
+use beo_core::grid::Dims;
+use beo_picture::Colour;
 use fast_surface_nets::ndshape::{RuntimeShape, Shape};
 use fast_surface_nets::{SurfaceNetsBuffer, surface_nets};
 use nalgebra::{Point3, Vector3};
@@ -127,7 +127,7 @@ fn normals(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::uniform_rotation;
+    use beo_core::grid::uniform_rotation;
     use std::collections::HashMap;
     use std::f64::consts::PI;
 

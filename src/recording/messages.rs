@@ -4,10 +4,10 @@
 
 use super::Clock;
 use crate::export::{GridPlacement, Surface};
-use crate::grid::{Dims, Observation, Rotation, from_xyzw};
-use crate::picture::{Colour, MOST_UNSURE};
+use beo_core::grid::{Dims, Observation, Rotation, from_xyzw};
 use beo_ipc::text::from_field;
 use beo_ipc::{Hypothesis, Percept};
+use beo_picture::{Colour, MOST_UNSURE};
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
     ArrowPrimitive, Color, FrameTransform, LinePrimitive, PackedElementField, Point3, PointCloud, Pose, PoseInFrame, Quaternion,

@@ -4,7 +4,7 @@ use super::Clock;
 use super::file::{Channel, McapFile, RecordError, Recorded, Times};
 use super::messages::{About, completed_points, completion, frame_of, object, observed_points, pose_in_frame, transform};
 use crate::export::{GridPlacement, surface_of};
-use crate::grid::{Dims, Observation, from_xyzw};
+use beo_core::grid::{Dims, Observation, from_xyzw};
 use beo_ipc::{CompletionFrame, CompletionHeader, ObservationHeader, Percept, PerceptStatus};
 use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate, log};
 use std::collections::BTreeMap;

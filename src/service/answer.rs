@@ -3,9 +3,9 @@
 use super::asked::ask;
 use super::streams::Waiting;
 use super::tracks::Tracks;
-use crate::grid::{Observation, Rotation, from_xyzw, to_xyzw};
-use crate::model::Model;
-use crate::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
+use beo_core::grid::{Observation, Rotation, from_xyzw, to_xyzw};
+use beo_core::model::Model;
+use beo_core::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
 use beo_ipc::validate::check_deadline;

@@ -1,7 +1,7 @@
 //! What the header of a valid observation asks for, as a query.
 
-use crate::grid::{Outside, View, from_xyzw};
-use crate::perception::{Frame, PoseSearch, Query, RotationPrior, ScaleSearch};
+use beo_core::grid::{Outside, View, from_xyzw};
+use beo_core::perception::{Frame, PoseSearch, Query, RotationPrior, ScaleSearch};
 use beo_ipc::ObservationHeader;
 use nalgebra::Vector3;
 

@@ -1,8 +1,8 @@
 //! Why the daemon cannot start or go on.
 
-use crate::grid::Dims;
-use crate::model::ModelError;
-use crate::perception::PerceiveError;
+use beo_core::grid::Dims;
+use beo_core::model::ModelError;
+use beo_core::perception::PerceiveError;
 use beo_ipc::{OpenError, WaitError};
 use std::path::PathBuf;
 

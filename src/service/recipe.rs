@@ -2,9 +2,9 @@
 
 use super::answer::Answerer;
 use super::error::ServeError;
-use crate::grid::Dims;
-use crate::model::{outline, verify};
-use crate::perception::{Perceiver, Query};
+use beo_core::grid::Dims;
+use beo_core::model::{outline, verify};
+use beo_core::perception::{Perceiver, Query};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -2,7 +2,7 @@
 
 use super::answer::Answerer;
 use super::recipe::Recipe;
-use crate::grid::Dims;
+use beo_core::grid::Dims;
 use beo_ipc::ReloadCall;
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;

@@ -1,7 +1,7 @@
 //! Observations that wait for an answer: the newest of each (producer, object) stream. Producers take turns, each with the stream that
 //! began to wait first, so that a flood of one, in however many streams, cannot starve another.
 
-use crate::grid::{Dims, Observation, ObservationError};
+use beo_core::grid::{Dims, Observation, ObservationError};
 use beo_ipc::ObservationHeader;
 use std::collections::VecDeque;
 

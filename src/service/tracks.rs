@@ -1,6 +1,6 @@
 //! What was last answered of each object, for observations that continue it.
 
-use crate::perception::{Percept, RotationPrior};
+use beo_core::perception::{Percept, RotationPrior};
 use std::collections::HashMap;
 
 /// Objects that are remembered; beyond, the one that was seen longest ago is forgotten.
@@ -36,8 +36,8 @@ impl Tracks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::yaw;
-    use crate::perception::{Hypothesis, PoseSearch};
+    use beo_core::grid::yaw;
+    use beo_core::perception::{Hypothesis, PoseSearch};
 
     fn percept(angle: f64) -> Percept {
         let rotation = yaw(angle);

@@ -3,8 +3,8 @@
 use crate::harness::{RESOLUTION, Running, instance, serve};
 use crate::toolchain::{Language, await_message, compile, finish, sanitizers, start};
 use crate::{python, toolchain};
-use beo::shapes::furniture;
 use beo_ipc::{Completion, InstanceName, Subscriber, SubscriberOptions};
+use beo_shapes::furniture;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 

@@ -2,9 +2,9 @@
 
 use crate::harness::{run, text};
 use crate::real_shapes::skipped;
-use beo::alignment::Similarity;
-use beo::grid::{Dims, Occupancy, from_xyzw, uniform_rotation};
-use beo::shapes::{Alignment, Mesh, parse_binvox, parse_off, write_binvox, write_off};
+use beo_core::grid::{Dims, Occupancy, from_xyzw, uniform_rotation};
+use beo_shapes::alignment::Similarity;
+use beo_shapes::{Alignment, Mesh, parse_binvox, parse_off, write_binvox, write_off};
 use nalgebra::{Point3, Vector3};
 use std::path::Path;
 

@@ -2,10 +2,10 @@
 
 use crate::harness::{PATIENCE, RESOLUTION, instance, run, serve, text};
 use crate::real_shapes::skipped;
-use beo::camera::{FolderOptions, FrameFolder};
-use beo::grid::Observation;
-use beo::shapes::read_observation;
+use beo::frames::{FolderOptions, FrameFolder};
+use beo_core::grid::Observation;
 use beo_ipc::{InstanceName, Percept, PerceptStatus, Subscriber, SubscriberOptions};
+use beo_shapes::read_observation;
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
 use std::time::Instant;

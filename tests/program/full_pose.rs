@@ -1,10 +1,10 @@
 //! Pose over all rotations: what turns with the query, what cannot be told, what is expected.
 
 use crate::harness::{answer, dims, seen};
-use beo::evaluation::protocol::draw_rotation;
-use beo::grid::{Observation, Occupancy, Outside, Rotation, Turn, yaw};
-use beo::perception::{Method, PoseSearch, Query, RotationPrior};
-use beo::shapes::furniture;
+use beo_core::grid::{Observation, Occupancy, Outside, Rotation, Turn, yaw};
+use beo_core::perception::{Method, PoseSearch, Query, RotationPrior};
+use beo_lab::evaluation::protocol::draw_rotation;
+use beo_shapes::furniture;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI};
 

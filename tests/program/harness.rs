@@ -1,8 +1,8 @@
 //! Starting the program, a small model to serve, and ending every process by its id.
 
-use beo::grid::{Dims, Observation, Occupancy, Rotation, Turn, View};
-use beo::perception::{Perceiver, Percept, Query};
-use beo::shapes::{furniture, write_binvox};
+use beo_core::grid::{Dims, Observation, Occupancy, Rotation, Turn, View};
+use beo_core::perception::{Perceiver, Percept, Query};
+use beo_shapes::{furniture, write_binvox};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -176,7 +176,7 @@ pub fn dims() -> Dims {
 /// What the small model answers, without a daemon.
 pub fn answer(observation: &Observation, query: &Query) -> Percept {
     static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
-    let perceiver = PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo::model::load(model()).unwrap())).unwrap());
+    let perceiver = PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo_core::model::load(model()).unwrap())).unwrap());
     let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
     perceiver.classify(observation, query, &mut work, &mut percept).unwrap();
     perceiver.complete(query, &mut work, &mut percept).unwrap();

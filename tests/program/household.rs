@@ -1,8 +1,8 @@
 //! Made-up household things: what `beo generate` writes is learned from, and `beo demo` circles them with processes of its own.
 
 use crate::harness::{RESOLUTION, run, text};
-use beo::camera::{FolderOptions, FrameFolder};
-use beo::shapes::{household, parse_binvox, parse_ply};
+use beo::frames::{FolderOptions, FrameFolder};
+use beo_shapes::{household, parse_binvox, parse_ply};
 use std::path::Path;
 
 fn generate(out: &Path, more: &[&str]) -> std::process::Output {
@@ -33,15 +33,15 @@ fn generated_shapes_are_those_of_the_seed_and_in_their_places() {
         let all = ["train/00001.binvox", "train/00002.binvox", "test/00001.binvox"];
         assert!(all.iter().all(|name| read(&one, name) == read(&same, name)));
         assert!(all.iter().any(|name| read(&one, name) != read(&other, name)), "{class}");
-        assert_eq!(parse_binvox(&read(&one, all[0])).unwrap().dims(), beo::grid::Dims::cube(16).unwrap());
+        assert_eq!(parse_binvox(&read(&one, all[0])).unwrap().dims(), beo_core::grid::Dims::cube(16).unwrap());
     }
     // Meshes are in metres: what is learned from them is what is learned from the voxels.
     assert!(generate(&meshes, &["--count", "1", "--seed", "4", "--format", "ply"]).status.success());
     let mesh = parse_ply(&std::fs::read(meshes.join("mug/train/00001.ply")).unwrap()).unwrap();
     let height = mesh.bounds()[1].z - mesh.bounds()[0].z;
     assert!((0.07..0.12).contains(&height), "{height} m");
-    let dims = beo::grid::Dims::cube(16).unwrap();
-    let voxels = beo::shapes::voxelise(&mesh, dims, beo::shapes::longest_side(dims));
+    let dims = beo_core::grid::Dims::cube(16).unwrap();
+    let voxels = beo_shapes::voxelise(&mesh, dims, beo_shapes::longest_side(dims));
     let written = parse_binvox(&std::fs::read(one.join("mug/train/00001.binvox")).unwrap()).unwrap();
     // Coordinates are written to a tenth of a micrometre, so that a surface may touch another voxel.
     assert!(voxels.overlap(&written) as f64 > 0.99 * written.count() as f64);

@@ -1,9 +1,9 @@
 //! Grids that are too large to be searched: the basis is read in place, poses are searched on smaller grids that the model keeps.
 
 use crate::harness::{PATIENCE, Running, beo, instance, run, text};
-use beo::grid::{Dims, Observation, Turn, View, yaw};
-use beo::shapes::{furniture, write_binvox};
+use beo_core::grid::{Dims, Observation, Turn, View, yaw};
 use beo_ipc::{InstanceName, ObservationHeader, PoseSearch, Producer, Subscriber, SubscriberOptions, tasks};
+use beo_shapes::{furniture, write_binvox};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -89,7 +89,7 @@ fn class_pose_and_completion_of_an_unseen_object() {
         let turned = ask(&["--pose", search]);
         assert_eq!(turned["class"], "chair", "{search}");
         let q: Vec<f64> = turned["hypotheses"][0]["rotation"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
-        let rotation = beo::grid::from_xyzw([q[0], q[1], q[2], q[3]]);
+        let rotation = beo_core::grid::from_xyzw([q[0], q[1], q[2], q[3]]);
         let error = rotation.angle_to(&yaw(40_f64.to_radians())).to_degrees();
         assert!(error < 3.0, "{search}: {error}");
     }

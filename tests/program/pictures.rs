@@ -2,7 +2,7 @@
 
 use crate::client::{Client, block};
 use crate::harness::{Running, beo, dims, instance, model, run, serve, shape, text};
-use beo::shapes::parse_ply;
+use beo_shapes::parse_ply;
 use nalgebra::{Point3, Vector3};
 use std::path::{Path, PathBuf};
 

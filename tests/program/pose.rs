@@ -2,10 +2,10 @@
 
 use crate::client::Client;
 use crate::harness::{RESOLUTION, answer, dims, instance, model, run, seen, serve, shape, text};
-use beo::grid::{Observation, Occupancy, Outside, Rotation, Turn, View, yaw, yaw_of};
-use beo::perception::{Frame, Method, PaperPose, PoseSearch, Query, RotationPrior};
-use beo::shapes::furniture;
+use beo_core::grid::{Observation, Occupancy, Outside, Rotation, Turn, View, yaw, yaw_of};
+use beo_core::perception::{Frame, Method, PaperPose, PoseSearch, Query, RotationPrior};
 use beo_ipc::ObservationHeader;
+use beo_shapes::furniture;
 use nalgebra::Quaternion;
 use serde_json::Value;
 use std::f64::consts::{FRAC_PI_2, PI};

@@ -3,7 +3,7 @@
 use crate::client::{Client, block};
 use crate::harness::{PATIENCE, Running, beo, instance, run, serve, shape, text};
 use beo::recording::TOPICS;
-use beo::shapes::furniture;
+use beo_shapes::furniture;
 use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
 use foxglove::{Decode, Encode};
 use rustix::process::Signal;

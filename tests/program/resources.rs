@@ -5,8 +5,8 @@
 
 use crate::client::{Client, block};
 use crate::harness::{RESOLUTION, instance, library, model, run, serve, shape, text};
-use beo::model::Metadata;
-use beo::shapes::furniture;
+use beo_core::model::Metadata;
+use beo_shapes::furniture;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
@@ -72,7 +72,7 @@ fn survives_flip(file: &File, path: &Path, bit: usize) -> bool {
     let mut byte = [0];
     file.read_exact_at(&mut byte, bit as u64 / 8).unwrap();
     file.write_all_at(&[byte[0] ^ 1 << (bit % 8)], bit as u64 / 8).unwrap();
-    let is_usable = beo::model::load(path).is_ok();
+    let is_usable = beo_core::model::load(path).is_ok();
     file.write_all_at(&byte, bit as u64 / 8).unwrap();
     is_usable
 }
@@ -88,7 +88,7 @@ fn every_flipped_bit_of_a_models_header_and_any_of_its_body_is_found() {
     let missed: Vec<usize> =
         (0..2000).map(|_| random.random_range(8 * header..8 * len)).filter(|bit| survives_flip(&file, &path, *bit)).collect();
     assert!(missed.is_empty(), "bits {missed:?} of the body");
-    assert!(beo::model::load(&path).is_ok(), "all were flipped back");
+    assert!(beo_core::model::load(&path).is_ok(), "all were flipped back");
 }
 
 /// Writes the small model with other metadata and the checksums that belong to them. Where the size of the grid changes, its body is
@@ -137,7 +137,7 @@ fn a_model_that_memory_cannot_hold_is_refused_before_it_is_loaded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("enormous.safetensors");
     remade(&path, |metadata| {
-        metadata.dims = beo::grid::Dims::cube(64).unwrap();
+        metadata.dims = beo_core::grid::Dims::cube(64).unwrap();
         metadata.classes.iter_mut().for_each(|class| class.basis_size = 250);
     });
     let name = path.to_str().unwrap();
@@ -173,7 +173,7 @@ fn a_calibration_that_weighs_what_is_not_computed_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("remade.safetensors");
     remade(&path, |_| {});
-    assert!(beo::model::load(&path).is_ok(), "remade as it was");
+    assert!(beo_core::model::load(&path).is_ok(), "remade as it was");
     let changes: [fn(&mut Metadata); 3] =
         [|m| m.calibration.evidence.hull = 0.4, |m| m.calibration.auto.distance = 1.0, |m| m.calibration.mean.evidence = 1.0];
     for change in changes {
@@ -221,8 +221,8 @@ fn shapes_of_other_dims_than_the_models_are_named_with_both() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("big.binvox");
     let mut bytes = Vec::new();
-    let object = furniture::make("chair", beo::grid::Dims::cube(RESOLUTION + 4).unwrap(), 1).unwrap();
-    beo::shapes::write_binvox(&mut bytes, &object).unwrap();
+    let object = furniture::make("chair", beo_core::grid::Dims::cube(RESOLUTION + 4).unwrap(), 1).unwrap();
+    beo_shapes::write_binvox(&mut bytes, &object).unwrap();
     std::fs::write(&path, bytes).unwrap();
     let name = path.to_str().unwrap();
     let output = run(["perceive", name, "--model", model().to_str().unwrap()]);

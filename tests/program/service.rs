@@ -2,8 +2,8 @@
 
 use crate::client::{Client, DIMS, block, explanation};
 use crate::harness::{RESOLUTION, Running, beo, instance, model, run, segments, serve, shape, text};
-use beo::shapes::furniture;
 use beo_ipc::{Percept, PerceptStatus, tasks};
+use beo_shapes::furniture;
 use rustix::process::Signal;
 use serde_json::Value;
 

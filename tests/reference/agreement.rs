@@ -3,9 +3,9 @@
 use crate::class::Reference;
 use crate::every_degree::EveryDegree;
 use crate::observations::{at_random, from_above, from_the_side, furniture, real_shapes};
-use beo::grid::{Dims, Observation, Occupancy, Outside, Rotation, Turn, uniform_rotation, yaw, yaw_of};
-use beo::model::{Model, load};
-use beo::perception::{Frame, Perceiver, Percept, PoseSearch, Query};
+use beo_core::grid::{Dims, Observation, Occupancy, Outside, Rotation, Turn, uniform_rotation, yaw, yaw_of};
+use beo_core::model::{Model, load};
+use beo_core::perception::{Frame, Perceiver, Percept, PoseSearch, Query};
 use rayon::prelude::*;
 use std::sync::{Arc, LazyLock};
 

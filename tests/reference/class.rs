@@ -1,6 +1,6 @@
 //! The model's numbers as dense matrices.
 
-use beo::model::{ClassModel, Model};
+use beo_core::model::{ClassModel, Model};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use std::f64::consts::TAU;
 

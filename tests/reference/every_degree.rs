@@ -6,7 +6,7 @@
 
 use crate::class::Reference;
 use crate::known_pose::{hull, softmax};
-use beo::grid::{Observation, Outside, Turn, yaw};
+use beo_core::grid::{Observation, Outside, Turn, yaw};
 use nalgebra::DMatrix;
 
 const DEGREES: usize = 360;

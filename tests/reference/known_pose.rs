@@ -1,7 +1,7 @@
 //! The query of method `auto` in known pose: class posterior, then the hidden voxels.
 
 use crate::class::Reference;
-use beo::grid::{FILLED, Observation, UNKNOWN};
+use beo_core::grid::{FILLED, Observation, UNKNOWN};
 use nalgebra::{DMatrix, DVector};
 
 /// Classes whose posterior by the hull is less than this share of the best one's count with the best evidence of the others.

@@ -1,5 +1,5 @@
 //! The queries once more, as plainly as the equations read: every matrix dense and in double precision, every voxel one row,
-//! nothing shared with `beo::perception` but the model. What is rewritten for speed has to agree with it.
+//! nothing shared with `beo_core::perception` but the model. What is rewritten for speed has to agree with it.
 //!
 //! | file | what |
 //! | --- | --- |

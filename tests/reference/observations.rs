@@ -1,8 +1,8 @@
 //! What is asked.
 
-use beo::grid::{Dims, Observation, Occupancy, Rotation, Turn, View};
-use beo::shapes::library::{self, LoadOptions};
-use beo::shapes::{ReadOptions, furniture};
+use beo_core::grid::{Dims, Observation, Occupancy, Rotation, Turn, View};
+use beo_shapes::library::{self, LoadOptions};
+use beo_shapes::{ReadOptions, furniture};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::io::Write;
@@ -55,5 +55,5 @@ pub fn real_shapes(dims: Dims) -> Option<Vec<Occupancy>> {
     let library = library::scan(folder.as_ref(), &["validation"]).unwrap();
     let options = LoadOptions { read: ReadOptions::new(dims), skip_duplicates: false, minimum: 0 };
     let shapes = library::load(&library, &options, |_| ()).unwrap();
-    Some(shapes.shapes.into_iter().map(|shape| shape.object).collect())
+    Some(shapes.set.shapes.into_iter().map(|shape| shape.object).collect())
 }

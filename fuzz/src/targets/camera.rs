@@ -1,9 +1,9 @@
 //! What `beo camera` reads: images of depth and labels, and what is known of the camera.
 
-use beo::camera::{
+use beo::frames::{
     MOST_PIXELS, Raster, parse_camera_info, parse_npy_image, parse_png_image, parse_scene_camera, parse_tiff_image, parse_trajectory,
 };
-use beo::shapes::FormatError;
+use beo_shapes::FormatError;
 use std::io::Cursor;
 use tiff::encoder::{Compression, TiffEncoder, colortype};
 

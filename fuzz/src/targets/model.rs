@@ -1,9 +1,9 @@
 //! The model file: as damage leaves it, and as someone makes it who knows how its checksums are formed.
 
 use super::small_model;
-use beo::grid::Observation;
-use beo::model::{Metadata, load};
-use beo::perception::{Perceiver, Percept, Query};
+use beo_core::grid::Observation;
+use beo_core::model::{Metadata, load};
+use beo_core::perception::{Perceiver, Percept, Query};
 use safetensors::tensor::{SafeTensors, TensorView, serialize};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};

@@ -1,8 +1,8 @@
 //! What a producer may write: any header and any payload, through the daemon's checks, its copy and its answer.
 
 use super::small_model::{SIDE, model};
-use beo::grid::{Dims, Observation, UNKNOWN};
-use beo::perception::{Perceiver, Percept, PoseSearch, Query, Workspace};
+use beo_core::grid::{Dims, Observation, UNKNOWN};
+use beo_core::perception::{Perceiver, Percept, PoseSearch, Query, Workspace};
 use beo::service::ask;
 use beo_ipc::validate::validate;
 use beo_ipc::{ObservationHeader, PerceptStatus, text};

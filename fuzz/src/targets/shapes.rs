@@ -1,7 +1,7 @@
 //! The importers: bytes to a mesh or a grid, meshes to voxels.
 
-use beo::grid::{Dims, Observation, Occupancy};
-use beo::shapes::{Content, Format, furniture, longest_side, parse, parse_npy_observation, voxelise, write_binvox, write_npy_observation};
+use beo_core::grid::{Dims, Observation, Occupancy};
+use beo_shapes::{Content, Format, furniture, longest_side, parse, parse_npy_observation, voxelise, write_binvox, write_npy_observation};
 use std::fmt::Write;
 
 /// Voxels along each side of the seeds, and of the grid that meshes are brought to.

@@ -1,10 +1,10 @@
 //! The smallest model that can be trained, of made-up furniture.
 
-use beo::grid::Dims;
-use beo::learning::{FEWEST_SHAPES, TrainOptions, train};
-use beo::model::{Model, ViewDensities, load, save};
-use beo::shapes::furniture;
-use beo::shapes::library::{Shape, Shapes};
+use beo_core::grid::Dims;
+use beo_core::learning::{FEWEST_SHAPES, TrainOptions, train};
+use beo_core::model::{Model, ViewDensities, load, save};
+use beo_shapes::furniture;
+use beo_shapes::library::{Shape, Shapes};
 use std::path::PathBuf;
 
 /// Voxels along each side.

@@ -76,11 +76,11 @@ impl<'a> Frame<'a> {
         self.labels[pixel]
     }
 
-    /// The point that a pixel shows, in the camera frame.
+    /// The point that a pixel shows, in the camera frame; `None` without a reading, and where the lens shows nothing.
     pub fn point(&self, pixel: usize) -> Option<Point3<f64>> {
         let width = self.intrinsics.width() as usize;
         let depth = self.depth(pixel)?;
-        Some(Point3::from(self.intrinsics.ray([(pixel % width) as f64, (pixel / width) as f64]) * depth))
+        Some(Point3::from(self.intrinsics.unproject([(pixel % width) as f64, (pixel / width) as f64])? * depth))
     }
 
     /// Labels of objects that have a pixel, ascending, without 0 and without `support`.

@@ -1,15 +1,16 @@
-//! The pinhole camera with lens distortion, as ROS's `camera_info` with `plumb_bob` describes it (Brown's model).
+//! The pinhole camera with a lens: from points of the camera frame to pixels and back.
 
+use crate::Lens;
 use nalgebra::{Point3, Vector3};
 
-/// A pinhole camera: focal lengths and principal point in pixels, distortion k1, k2, p1, p2, k3.
+/// A pinhole camera: focal lengths and principal point in pixels, and the distortion of its lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     width: u32,
     height: u32,
     focal: [f64; 2],
     centre: [f64; 2],
-    distortion: [f64; 5],
+    lens: Lens,
     /// Squared radius, of points before distortion, up to which the distortion is one to one.
     reach2: f64,
 }
@@ -33,8 +34,19 @@ impl Intrinsics {
     pub const MOST_PIXELS: u32 = 16_384;
 
     /// A camera of `width` × `height` pixels with `focal` lengths fx, fy and principal point `centre` cx, cy (pixels, counted from the
-    /// centre of the first), and distortion k1, k2, p1, p2, k3 (all 0 for none).
+    /// centre of the first), and distortion k1, k2, p1, p2, k3 of Brown's model (all 0 for none).
+    ///
+    /// # Errors
+    /// [`IntrinsicsError`] for numbers that describe no camera.
     pub fn new(width: u32, height: u32, focal: [f64; 2], centre: [f64; 2], distortion: [f64; 5]) -> Result<Self, IntrinsicsError> {
+        Self::with_lens(width, height, focal, centre, Lens::PlumbBob(distortion))
+    }
+
+    /// As [`Self::new`], with any [`Lens`].
+    ///
+    /// # Errors
+    /// [`IntrinsicsError`] for numbers that describe no camera.
+    pub fn with_lens(width: u32, height: u32, focal: [f64; 2], centre: [f64; 2], lens: Lens) -> Result<Self, IntrinsicsError> {
         if [width, height].iter().any(|side| !(1..=Self::MOST_PIXELS).contains(side)) {
             return Err(IntrinsicsError::Size(width, height));
         }
@@ -44,10 +56,11 @@ impl Intrinsics {
         if !centre.iter().all(|c| c.is_finite()) {
             return Err(IntrinsicsError::NotFinite("the principal point"));
         }
-        if !distortion.iter().all(|d| d.is_finite()) {
+        if !lens.coefficients().iter().all(|d| d.is_finite()) {
             return Err(IntrinsicsError::NotFinite("the distortion"));
         }
-        Ok(Self { width, height, focal, centre, distortion, reach2: reach2(distortion) })
+        let lens = lens.simplified();
+        Ok(Self { width, height, focal, centre, lens, reach2: lens.reach2() })
     }
 
     /// Pixels along a row.
@@ -70,14 +83,14 @@ impl Intrinsics {
         self.centre
     }
 
-    /// k1, k2, p1, p2, k3.
-    pub fn distortion(&self) -> [f64; 5] {
-        self.distortion
+    /// The distortion; [`Lens::Straight`] where all coefficients of a model are 0.
+    pub fn lens(&self) -> Lens {
+        self.lens
     }
 
-    /// Whether straight lines stay straight.
+    /// Whether straight lines do not stay straight.
     pub fn is_distorted(&self) -> bool {
-        self.distortion != [0.0; 5]
+        self.lens != Lens::Straight
     }
 
     /// Where a point of the camera frame is seen: u, v in pixels, perhaps outside of the image; `None` for points that are not in front
@@ -92,7 +105,7 @@ impl Intrinsics {
             if x * x + y * y > self.reach2 {
                 return None;
             }
-            self.distort([x, y])
+            self.lens.distort([x, y])
         } else {
             [x, y]
         };
@@ -123,57 +136,24 @@ impl Intrinsics {
         inside.then(|| v as usize * self.width as usize + u as usize)
     }
 
-    /// The direction seen at u, v, with z = 1: a reading of z metres there is the point z times this.
-    pub fn ray(&self, [u, v]: [f64; 2]) -> Vector3<f64> {
+    /// The direction seen at u, v, with z = 1: a reading of z metres there is the point z times this. [`Self::project`] leads back to u, v
+    /// within 10⁻⁶ pixels. `None` where the lens shows nothing that is in front of the camera, as in the corners of a fisheye's picture.
+    pub fn unproject(&self, [u, v]: [f64; 2]) -> Option<Vector3<f64>> {
         let seen = [(u - self.centre[0]) / self.focal[0], (v - self.centre[1]) / self.focal[1]];
-        let [x, y] = if self.is_distorted() { self.undistort(seen) } else { seen };
-        Vector3::new(x, y, 1.0)
+        let [x, y] = if self.is_distorted() { self.lens.undistort(seen, self.reach2)? } else { seen };
+        Some(Vector3::new(x, y, 1.0))
     }
 
-    /// The distortion of a point of the plane z = 1.
-    fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [k1, k2, p1, p2, k3] = self.distortion;
-        let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        [x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y]
+    /// As [`Self::unproject`]; where that is `None`, the outermost direction on the same side, which is finite but shows nothing of the
+    /// scene.
+    pub fn ray(&self, at: [f64; 2]) -> Vector3<f64> {
+        self.unproject(at).unwrap_or_else(|| {
+            let [x, y] = [0, 1].map(|axis| (at[axis] - self.centre[axis]) / self.focal[axis]);
+            let length = x.hypot(y);
+            let scale = if length.is_finite() && length > 0.0 { self.reach2.sqrt() / length } else { 0.0 };
+            Vector3::new(x, y, 0.0).map(|c| if scale > 0.0 { c * scale } else { 0.0 }) + Vector3::z()
+        })
     }
-
-    /// Its inverse by Newton's method, with the derivative by differences.
-    fn undistort(&self, seen: [f64; 2]) -> [f64; 2] {
-        const STEP: f64 = 1e-6;
-        let mut at = seen;
-        for _ in 0..20 {
-            let here = self.distort(at);
-            let error = [here[0] - seen[0], here[1] - seen[1]];
-            if error[0].abs().max(error[1].abs()) < 1e-12 {
-                break;
-            }
-            let (dx, dy) = (self.distort([at[0] + STEP, at[1]]), self.distort([at[0], at[1] + STEP]));
-            let [a, c] = [(dx[0] - here[0]) / STEP, (dx[1] - here[1]) / STEP];
-            let [b, d] = [(dy[0] - here[0]) / STEP, (dy[1] - here[1]) / STEP];
-            let determinant = a * d - b * c;
-            if determinant.abs() < 1e-9 {
-                break;
-            }
-            at[0] -= (d * error[0] - b * error[1]) / determinant;
-            at[1] -= (a * error[1] - c * error[0]) / determinant;
-        }
-        at
-    }
-}
-
-/// The squared radius at which the radial distortion turns back, r (1 + k1 r² + k2 r⁴ + k3 r⁶) being largest; at most that of a field of
-/// view of 160°.
-fn reach2([k1, k2, _, _, k3]: [f64; 5]) -> f64 {
-    const STEPS: u32 = 4000;
-    let widest = 80_f64.to_radians().tan();
-    for i in 1..=STEPS {
-        let r2 = (widest * f64::from(i) / f64::from(STEPS)).powi(2);
-        if 1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) <= 0.0 {
-            return (widest * f64::from(i - 1) / f64::from(STEPS)).powi(2);
-        }
-    }
-    widest * widest
 }
 
 #[cfg(test)]
@@ -182,7 +162,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn kinect(distortion: [f64; 5]) -> Intrinsics {
-        Intrinsics::new(640, 480, [525.0, 524.0], [319.5, 239.5], distortion).unwrap()
+        with_lens(Lens::PlumbBob(distortion))
+    }
+
+    fn with_lens(lens: Lens) -> Intrinsics {
+        Intrinsics::with_lens(640, 480, [525.0, 524.0], [319.5, 239.5], lens).unwrap()
     }
 
     #[test]
@@ -193,6 +177,48 @@ mod tests {
         let radial = 1.006_615_638_732_910_2;
         let (x, y) = (0.25 * radial - 0.000_062_5 - 0.002 * 0.203_125, -0.125 * radial + 0.001 * 0.109_375 + 0.000_125);
         assert!((u - (525.0 * x + 319.5)).abs() < 1e-9 && (v - (524.0 * y + 239.5)).abs() < 1e-9, "{u} {v}");
+    }
+
+    const RATIONAL: [f64; 12] = [0.78, -2.98, 0.0007, 0.00006, 1.7, 0.66, -2.81, 1.63, 0.0, 0.0, 0.0, 0.0];
+    const PRISM: [f64; 12] = [0.1, -0.2, 0.001, -0.002, 0.05, 0.02, -0.01, 0.03, 0.001, -0.002, 0.003, 0.0005];
+    const FISHEYE: [f64; 4] = [0.01, 0.002, -0.003, 0.0004];
+
+    #[test]
+    fn rational_thin_prism_and_fisheye_points_are_where_opencv_puts_them() {
+        // cv2.projectPoints and cv2.fisheye.projectPoints of OpenCV 4 with the camera matrix [[525,0,319.5],[0,524,239.5],[0,0,1]].
+        let rows = [
+            (Lens::RationalPolynomial(RATIONAL), [0.2, -0.1, 0.8], [451.794748095621, 173.508505325376]),
+            (Lens::RationalPolynomial(RATIONAL), [-0.5, 0.4, 1.0], [49.545726161310, 455.212760497483]),
+            (Lens::RationalPolynomial(RATIONAL), [0.05, 0.5, 0.9], [349.382699010280, 537.774130403842]),
+            (Lens::RationalPolynomial(PRISM), [0.2, -0.1, 0.8], [451.206857903387, 173.913688279978]),
+            (Lens::RationalPolynomial(PRISM), [-0.5, 0.4, 1.0], [55.290401907979, 451.055668531762]),
+            (Lens::RationalPolynomial(PRISM), [0.05, 0.5, 0.9], [348.632162515886, 533.597415801749]),
+            (Lens::Equidistant(FISHEYE), [0.2, -0.1, 0.8], [447.580148068870, 175.581907058964]),
+            (Lens::Equidistant(FISHEYE), [-0.5, 0.4, 1.0], [85.232107068030, 426.557334699203]),
+            (Lens::Equidistant(FISHEYE), [2.0, 1.0, 0.5], [960.854666327030, 559.566519195585]),
+        ];
+        for (lens, point, [u, v]) in rows {
+            let [x, y] = with_lens(lens).project(&Point3::from(point)).unwrap();
+            assert!((x - u).abs() < 1e-8 && (y - v).abs() < 1e-8, "{lens:?} {point:?}: {x} {y}, {u} {v}");
+        }
+    }
+
+    #[test]
+    fn modified_brown_conrady_is_as_librealsense_computes_it() {
+        // x = 0.25, y = -0.125, r² = 0.078125, radial as above; then X = x radial, Y = y radial,
+        // X + 2 p1 X Y + p2 (r² + 2 X²), Y + 2 p2 X Y + p1 (r² + 2 Y²), from rs2_project_point_to_pixel.
+        let lens = Lens::ModifiedBrownConrady([0.1, -0.2, 0.001, -0.002, 0.05]);
+        let [u, v] = with_lens(lens).project(&Point3::new(0.2, -0.1, 0.8)).unwrap();
+        let (x, y) = (0.251_653_909_683_227_55, -0.125_826_954_841_613_78);
+        let seen =
+            [x + 2.0 * 0.001 * x * y - 0.002 * (0.078_125 + 2.0 * x * x), y - 2.0 * 0.002 * x * y + 0.001 * (0.078_125 + 2.0 * y * y)];
+        assert!((u - (525.0 * seen[0] + 319.5)).abs() < 1e-9 && (v - (524.0 * seen[1] + 239.5)).abs() < 1e-9, "{u} {v}");
+    }
+
+    #[test]
+    fn coefficients_that_do_nothing_are_no_distortion_but_a_fisheye_is_always_one() {
+        assert_eq!(with_lens(Lens::RationalPolynomial([0.0; 12])), kinect([0.0; 5]));
+        assert!(!kinect([0.0; 5]).is_distorted() && with_lens(Lens::Equidistant([0.0; 4])).is_distorted());
     }
 
     #[test]
@@ -210,11 +236,20 @@ mod tests {
         assert!(camera.project(&Point3::new(1.04, 0.0, 1.0)).is_some());
         assert!(camera.project(&Point3::new(1.07, 0.0, 1.0)).is_none());
         assert!(camera.project(&Point3::new(0.0, 0.0, -1.0)).is_none());
+        // The largest radius in the picture is 1.0541 · 2/3 = 0.7027: beyond it nothing is seen.
+        let at = |radius: f64| [319.5 + 525.0 * radius, 239.5];
+        assert!(camera.unproject(at(0.70)).is_some() && camera.unproject(at(0.71)).is_none());
+        assert!(camera.ray(at(0.71)).iter().all(|c| c.is_finite()) && (camera.ray(at(0.71)).x - 1.0541).abs() < 0.01);
+        // A pole of the rational model: the denominator 1 − r² is 0 at r = 1.
+        let mut pole = [0.0; 12];
+        pole[5] = -1.0;
+        let camera = with_lens(Lens::RationalPolynomial(pole));
+        assert!(camera.project(&Point3::new(0.98, 0.0, 1.0)).is_some() && camera.project(&Point3::new(1.02, 0.0, 1.0)).is_none());
     }
 
     #[test]
     fn the_points_of_a_line_are_projected_as_each_alone() {
-        for camera in [kinect([0.0; 5]), kinect([-0.3, 0.01, 0.002, -0.001, 0.0])] {
+        for camera in [kinect([0.0; 5]), kinect([-0.3, 0.01, 0.002, -0.001, 0.0]), with_lens(Lens::Equidistant(FISHEYE))] {
             // From behind the camera to far aside.
             let (start, step) = (Point3::new(-0.4, 0.3, -0.1), Vector3::new(0.013, -0.007, 0.011));
             let mut seen = [[7.0; 2]; 60];
@@ -228,13 +263,59 @@ mod tests {
         }
     }
 
+    #[test]
+    fn every_pixel_of_every_lens_leads_back_to_itself_or_shows_nothing() {
+        let lenses = [
+            (Lens::PlumbBob([0.1, -0.2, 0.001, -0.002, 0.05]), true),
+            (Lens::PlumbBob([-0.28, 0.09, 0.0005, -0.0003, 0.0]), true),
+            (Lens::ModifiedBrownConrady([0.18, -0.53, -0.0014, 0.0001, 0.49]), true),
+            (Lens::RationalPolynomial(RATIONAL), true),
+            (Lens::RationalPolynomial(PRISM), true),
+            (Lens::Equidistant(FISHEYE), true),
+            // Folds back within the image.
+            (Lens::PlumbBob([-0.9, 0.0, 0.0, 0.0, 0.0]), false),
+            (Lens::Equidistant([-0.5, 0.0, 0.0, 0.0]), false),
+        ];
+        for (lens, all) in lenses {
+            let camera = with_lens(lens);
+            let mut shown = 0;
+            for pixel in (0..640 * 480).step_by(97) {
+                let at = [f64::from(pixel % 640), f64::from(pixel / 640)];
+                if let Some(ray) = camera.unproject(at) {
+                    let back = camera.project(&Point3::from(ray * 1.3)).unwrap();
+                    assert!((back[0] - at[0]).hypot(back[1] - at[1]) < 1e-6, "{lens:?} {at:?}: {back:?}");
+                    shown += 1;
+                }
+                assert!(camera.ray(at).iter().all(|c| c.is_finite()));
+            }
+            assert!(shown > 500 && (shown == (640_usize * 480).div_ceil(97)) == all, "{lens:?}: {shown}");
+        }
+    }
+
     proptest! {
         #[test]
         fn the_ray_of_a_projection_leads_back(x in -0.5..0.5_f64, y in -0.4..0.4_f64, z in 0.2..5.0_f64, k in prop::array::uniform5(-1.0..1.0_f64)) {
-            let camera = kinect([0.2 * k[0], 0.1 * k[1], 0.01 * k[2], 0.01 * k[3], 0.05 * k[4]]);
+            let plumb_bob = [0.2 * k[0], 0.1 * k[1], 0.01 * k[2], 0.01 * k[3], 0.05 * k[4]];
             let point = Point3::new(x * z, y * z, z);
-            let back = camera.ray(camera.project(&point).unwrap()) * z;
-            prop_assert!((back - point.coords).norm() < 1e-6 * z, "{} {}", back, point);
+            for lens in [Lens::PlumbBob(plumb_bob), Lens::ModifiedBrownConrady(plumb_bob), Lens::Equidistant([k[0], k[1], k[2], k[3]].map(|k| 0.05 * k))] {
+                let camera = with_lens(lens);
+                let back = camera.ray(camera.project(&point).unwrap()) * z;
+                prop_assert!((back - point.coords).norm() < 1e-6 * z, "{:?} {} {}", lens, back, point);
+            }
+        }
+
+        #[test]
+        fn whatever_the_coefficients_a_ray_is_finite_and_an_unprojected_pixel_leads_back(
+            k in prop::array::uniform12(-3.0..3.0_f64), u in -50.0..700.0_f64, v in -50.0..530.0_f64,
+        ) {
+            for lens in [Lens::RationalPolynomial(k), Lens::Equidistant([k[0], k[1], k[2], k[3]]), Lens::PlumbBob([k[0], k[1], k[2], k[3], k[4]])] {
+                let camera = with_lens(lens);
+                prop_assert!(camera.ray([u, v]).iter().all(|c| c.is_finite()));
+                if let Some(ray) = camera.unproject([u, v]) {
+                    let back = camera.project(&Point3::from(ray)).unwrap();
+                    prop_assert!((back[0] - u).hypot(back[1] - v) < 1e-6);
+                }
+            }
         }
     }
 }

@@ -1,14 +1,14 @@
 //! `beo bench large`: queries of large grids.
 
-use crate::benchmark::large::{Large as Measured, POSES, measure};
-use crate::benchmark::machine::{Circumstances, Watch};
 use crate::cli::failure::Failure;
 use crate::cli::progress;
 use crate::cli::shapes::{self, MeshArguments};
-use crate::grid::{Occupancy, View};
-use crate::perception::Perceiver;
-use crate::shapes::library::LoadOptions;
-use crate::shapes::read_shape;
+use beo_core::grid::{Occupancy, View};
+use beo_core::perception::Perceiver;
+use beo_lab::benchmark::large::{Large as Measured, POSES, measure};
+use beo_lab::benchmark::machine::{Circumstances, Watch};
+use beo_shapes::library::LoadOptions;
+use beo_shapes::read_shape;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -59,7 +59,7 @@ impl Large {
             [folder] if folder.is_dir() => {
                 shapes::require_flat(folder)?;
                 let found = shapes::load(folder, &[], &LoadOptions { read, skip_duplicates: false, minimum: 1 })?;
-                found.shapes.into_iter().map(|shape| shape.object).collect()
+                found.set.shapes.into_iter().map(|shape| shape.object).collect()
             }
             files => files.iter().map(|file| read_shape(file, &read)).collect::<Result<_, _>>()?,
         };

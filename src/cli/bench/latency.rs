@@ -1,12 +1,12 @@
 //! `beo bench latency`, and what its other processes run.
 
 use super::part::{not_planned, plan};
-use crate::benchmark::latency::{self, Grids, Load, Pose, ProducerPlan, ReaderPlan, Settings, Wake};
 use crate::cli::failure::{Failure, cannot_write};
 use crate::cli::{progress, stop};
-use crate::grid::Occupancy;
-use crate::model::load;
-use crate::shapes::{ReadOptions, read_shape};
+use beo_core::grid::Occupancy;
+use beo_core::model::load;
+use beo_lab::benchmark::latency::{self, Grids, Load, Pose, ProducerPlan, ReaderPlan, Settings, Wake};
+use beo_shapes::{ReadOptions, read_shape};
 use clap::{Args, ValueEnum};
 use std::io::stdin;
 use std::path::PathBuf;

@@ -1,20 +1,20 @@
 //! `beo bench query`.
 
-use crate::benchmark::limits::Limits;
-use crate::benchmark::machine::Watch;
-use crate::benchmark::percentiles::Percentiles;
-use crate::benchmark::query::{
-    Condition, Evictor, Floor, Object, OwnAnswer, Peer, PeerError, PeerRow, Peers, Question, Report, Row, Search, Task, furniture,
-    own_answers, questions, time_answers, time_icp,
-};
 use crate::cli::failure::Failure;
 use crate::cli::shapes::{self, MeshArguments};
 use crate::cli::{progress, stop};
-use crate::evaluation::sample;
-use crate::model::{Model, load};
-use crate::perception::Perceiver;
-use crate::shapes::library::LoadOptions;
-use crate::shapes::read_shape;
+use beo_core::model::{Model, load};
+use beo_core::perception::Perceiver;
+use beo_lab::benchmark::limits::Limits;
+use beo_lab::benchmark::machine::Watch;
+use beo_lab::benchmark::percentiles::Percentiles;
+use beo_lab::benchmark::query::{
+    Condition, Evictor, Floor, Object, OwnAnswer, Peer, PeerError, PeerRow, Peers, Question, Report, Row, Search, Task, furniture,
+    own_answers, questions, time_answers, time_icp,
+};
+use beo_lab::evaluation::sample;
+use beo_shapes::library::LoadOptions;
+use beo_shapes::read_shape;
 use clap::Args;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -146,10 +146,10 @@ impl Query {
                 }
                 let options = LoadOptions { read, skip_duplicates: false, minimum: 1 };
                 let library = shapes::load(folder, split.as_slice(), &options)?;
-                let chosen = sample(&library, Some(count), 0);
-                let object = |shape: &&crate::shapes::library::Shape| Object {
+                let chosen = sample(&library.set, Some(count), 0);
+                let object = |shape: &&beo_core::learning::Shape| Object {
                     shape: shape.object.clone(),
-                    class: class_of(&library.classes[shape.class]),
+                    class: class_of(&library.set.classes[shape.class]),
                 };
                 let split = split.as_ref().map_or(String::new(), |split| format!(", split {split}"));
                 (chosen.iter().map(object).collect(), format!("{}{split}", folder.display()))
@@ -170,7 +170,7 @@ impl Query {
 /// Others that answer the same queries.
 struct Others {
     peers: Option<Peers>,
-    numpy: Vec<(Peer, String, Vec<Percentiles>, crate::benchmark::query::Agreement)>,
+    numpy: Vec<(Peer, String, Vec<Percentiles>, beo_lab::benchmark::query::Agreement)>,
     icp: Vec<(Search, Vec<Percentiles>)>,
     alone: bool,
     skipped: Vec<String>,

@@ -1,9 +1,9 @@
 //! `beo bench scale`: how the cost of a query grows.
 
-use crate::benchmark::machine::{Circumstances, Watch};
-use crate::benchmark::scale::{self, Series, Sweep, chart, table};
 use crate::cli::failure::{Failure, cannot_write};
 use crate::cli::progress;
+use beo_lab::benchmark::machine::{Circumstances, Watch};
+use beo_lab::benchmark::scale::{self, Series, Sweep, chart, table};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 

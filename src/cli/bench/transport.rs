@@ -1,11 +1,11 @@
 //! `beo bench transport`, and its reading process.
 
 use super::part::plan;
-use crate::benchmark::machine::Watch;
-use crate::benchmark::transport::{Plan, ReaderPlan, Report, measure, receive};
 use crate::cli::failure::Failure;
 use crate::cli::{progress, stop};
-use crate::process::this_program;
+use beo_lab::benchmark::machine::Watch;
+use beo_lab::benchmark::transport::{Plan, ReaderPlan, Report, measure, receive};
+use beo_lab::process::this_program;
 use clap::Args;
 use std::io::stdin;
 use std::path::PathBuf;

@@ -1,0 +1,41 @@
+//! Learning a model from complete shapes: VBPCA per class, one shared basis, class densities, calibration.
+//!
+//! | file | what | source |
+//! | --- | --- | --- |
+//! | `gram` | inner products of binary shapes, centred | n × n instead of d × d |
+//! | `vbpca` | the global analytic solution of VBPCA | eqs. 1–4; Nakajima et al. 2013 |
+//! | `basis` | class bases and the shared basis W', streamed over voxels | text after eq. 9 |
+//! | `shrinkage` | class covariance of complete objects | eqs. 7, 8; Ledoit & Wolf, Schäfer & Strimmer |
+//! | `hull_density` | class density of the visual hulls | normal-inverse-Wishart posterior |
+//! | `components` | principal components of many samples | power iteration |
+//! | `regressed` | Gaussians of features with a regression on them | |
+//! | `render` | height maps of turned shapes | |
+//! | `view_density` | densities of turned objects seen from above, by direction | principal components, Gaussians |
+//! | `camera_density` | densities of what cameras see, by elevation and yaw | the same |
+//! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
+//! | `fit` | bases and classes of some of the shapes | |
+//! | `shapes` | what is learned from | |
+//! | `held_out` | objects that a fold leaves out, scored; the calibration | |
+//! | `train` | the driver, with internal cross-validation, and smaller grids | |
+//!
+//! Calibration scores held-out objects as queries are scored, so this module also uses `perception`.
+
+mod basis;
+mod calibration;
+mod camera_density;
+mod components;
+mod fit;
+mod gram;
+mod held_out;
+mod hull_density;
+mod regressed;
+mod render;
+mod shapes;
+mod shrinkage;
+mod train;
+pub mod vbpca;
+mod view_density;
+
+pub use fit::Pass;
+pub use shapes::{Shape, ShapeSet};
+pub use train::{FEWEST_SHAPES, Step, TrainError, TrainOptions, train};

@@ -1,0 +1,313 @@
+//! The training driver: one fit on all shapes, and fits on folds from whose held-out objects the calibration is learned.
+
+use super::camera_density::{LeftOut, camera_densities};
+use super::fit::{Data, Fit, Pass};
+use super::held_out::{HeldOut, calibrate};
+use super::hull_density::HullMoments;
+use super::shapes::ShapeSet;
+use super::shrinkage::{centre, shrunk_covariance};
+use super::view_density::view_densities;
+use crate::grid::{Dims, Occupancy, Shrinking, View};
+use crate::linear::LinearError;
+use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Settings, levels_of};
+use crate::perception::ClassSubspace;
+use faer::Mat;
+use rayon::prelude::*;
+
+/// Fewest shapes of a class.
+pub const FEWEST_SHAPES: usize = 4;
+
+/// How to train.
+#[derive(Clone, Debug)]
+pub struct TrainOptions {
+    /// Views to simulate.
+    pub views: Vec<View>,
+    /// Elevations of the cameras to be met, degrees above the horizontal, ascending: densities of what they see are learned; none for none.
+    pub camera_elevations_deg: Vec<f64>,
+    /// Share of the variance that sizes a class basis.
+    pub variance_share: f64,
+    /// Least and most components of a class basis.
+    pub basis_range: [usize; 2],
+    /// Seed of the folds.
+    pub seed: u64,
+    /// Number of folds, at least two.
+    pub folds: usize,
+    /// Whether to learn what poses are searched with: smaller grids, and views from all sides. A model without them answers queries in
+    /// known pose, the same as with them, and is not to be saved.
+    pub poses: bool,
+    /// Splits that the shapes come from, for the record.
+    pub splits: Vec<String>,
+    /// Longest side of a mesh in voxels, for the record.
+    pub longest_side: usize,
+    /// Terms of the data, for the record.
+    pub licence: String,
+}
+
+impl Default for TrainOptions {
+    /// The paper's basis sizes, top views, three folds.
+    fn default() -> Self {
+        Self {
+            views: vec![View::Top],
+            camera_elevations_deg: Vec::new(),
+            variance_share: 0.6,
+            basis_range: [30, 70],
+            seed: 0,
+            folds: 3,
+            poses: true,
+            splits: vec!["train".into()],
+            longest_side: 24,
+            licence: String::new(),
+        }
+    }
+}
+
+/// Training failed.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// A class has too few shapes.
+    #[error("class `{class}` has {found} shapes, at least {FEWEST_SHAPES} are needed: add shapes or remove its folder")]
+    TooFew {
+        /// The class.
+        class: String,
+        /// Its shapes.
+        found: usize,
+    },
+    /// There is no class, or no view.
+    #[error("nothing to learn: no class of shapes, or no view to simulate")]
+    Nothing,
+    /// ShapeSet have different dims.
+    #[error("{file} is a grid of {found}, others are of {expected}: give all shapes one resolution")]
+    Dims {
+        /// The shape.
+        file: String,
+        /// Its size.
+        found: Dims,
+        /// The size of the first shape.
+        expected: Dims,
+    },
+    /// ShapeSet are so thin that nothing of them is left on a smaller grid.
+    #[error(
+        "nothing of the shapes of class `{class}` is left on the grid of {dims} on which poses are searched: use a --resolution of at most 64, or thicker shapes"
+    )]
+    Vanished {
+        /// The class.
+        class: String,
+        /// The smaller grid.
+        dims: Dims,
+    },
+    /// A matrix could not be factorised.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}
+
+/// A step of the training, for progress reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// What is being done.
+    pub name: &'static str,
+    /// The longest side of the grid on which it is done: models of large grids have smaller ones too.
+    pub side: usize,
+    /// The pass over all voxels that begins within it.
+    pub pass: Option<Pass>,
+    /// Steps done before this one.
+    pub done: usize,
+    /// All steps.
+    pub total: usize,
+}
+
+/// Learns a model. The same shapes and options give the same model, whatever the number of threads.
+///
+/// Of grids that are too large to be searched, the same shapes on smaller grids are learned as well, in which poses are searched.
+///
+/// # Errors
+/// [`TrainError`].
+pub fn train(shapes: &ShapeSet, options: &TrainOptions, progress: &(dyn Fn(Step) + Sync)) -> Result<Model, TrainError> {
+    let (dims, classes) = by_class(shapes)?;
+    let smaller = if options.poses { levels_of(dims) } else { Vec::new() };
+    let mut levels = Vec::new();
+    for to in &smaller {
+        let shrinking = Shrinking::new(dims, *to);
+        let shrunk: Vec<Vec<Occupancy>> =
+            classes.iter().map(|class| class.par_iter().map(|shape| shrinking.occupancy(shape)).collect()).collect();
+        if let Some(s) = shrunk.iter().position(|class| class.iter().all(|shape| shape.count() == 0)) {
+            return Err(TrainError::Vanished { class: shapes.classes[s].clone(), dims: *to });
+        }
+        let longest_side = (options.longest_side as f64 / shrinking.factor()).round() as usize;
+        let data = Data::new(*to, shrunk.iter().map(|class| class.iter().collect()).collect());
+        levels.push(learn(&data, &shapes.classes, &TrainOptions { longest_side, ..options.clone() }, progress)?);
+    }
+    // Cameras are searched where poses are.
+    let elevations = if smaller.is_empty() && options.poses { options.camera_elevations_deg.clone() } else { Vec::new() };
+    let model = learn(
+        &Data::new(dims, classes),
+        &shapes.classes,
+        &TrainOptions { camera_elevations_deg: elevations, ..options.clone() },
+        progress,
+    )?;
+    Ok(Model { levels, ..model })
+}
+
+/// The shapes of each class, which all have one size.
+fn by_class(shapes: &ShapeSet) -> Result<(Dims, Vec<Vec<&Occupancy>>), TrainError> {
+    let Some(first) = shapes.shapes.first() else { return Err(TrainError::Nothing) };
+    let dims = first.object.dims();
+    let mut classes = vec![Vec::new(); shapes.classes.len()];
+    for shape in &shapes.shapes {
+        let found = shape.object.dims();
+        if found != dims {
+            return Err(TrainError::Dims { file: shape.file.clone(), found, expected: dims });
+        }
+        classes[shape.class].push(&shape.object);
+    }
+    if let Some(s) = classes.iter().position(|c| c.len() < FEWEST_SHAPES) {
+        return Err(TrainError::TooFew { class: shapes.classes[s].clone(), found: classes[s].len() });
+    }
+    Ok((dims, classes))
+}
+
+/// A model of one grid.
+fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(dyn Fn(Step) + Sync)) -> Result<Model, TrainError> {
+    if options.views.is_empty() {
+        return Err(TrainError::Nothing);
+    }
+    let sides = <[usize; 3]>::from(data.dims);
+    let side = sides.into_iter().fold(0, usize::max);
+    let folds = data.folds(options);
+    let cameras = !options.camera_elevations_deg.is_empty();
+    let total = folds.len() + 3 + usize::from(cameras);
+    let step = |name, done| progress(Step { name, side, pass: None, done, total });
+    let within = |name, done| move |pass| progress(Step { name, side, pass: Some(pass), done, total });
+
+    let mut held_out = Vec::new();
+    // What was learned without the first fold also scores what cameras see of it.
+    let mut first: Option<(Vec<ClassSubspace>, f64)> = None;
+    for (f, fold) in folds.iter().enumerate() {
+        const NAME: &str = "fitting without a fold, scoring it";
+        step(NAME, f);
+        let (measured, fit) = HeldOut::measure(data, fold, options, &within(NAME, f))?;
+        held_out.push(measured);
+        if f == 0 && cameras {
+            first = Some(fit);
+        }
+    }
+    step("calibrating on held-out objects", folds.len());
+    let mut calibration = calibrate(&held_out, data.classes.len())?;
+    drop(held_out);
+
+    const FITTING: &str = "fitting on all shapes";
+    step(FITTING, folds.len() + 1);
+    let everything: Vec<Vec<usize>> = data.classes.iter().map(|c| (0..c.len()).collect()).collect();
+    let mut fit = Fit::new(data, &everything, options, &within(FITTING, folds.len() + 1))?;
+    let hulls: Vec<HullMoments> = options
+        .views
+        .iter()
+        .map(|view| {
+            let projected = fit.project_hulls(data, &everything, *view);
+            HullMoments::new(&projected.iter().map(Mat::as_ref).collect::<Vec<_>>())
+        })
+        .collect();
+    let mut turned = None;
+    if fit.footprint.is_none() && options.poses {
+        step("learning views from all sides", folds.len() + 2);
+        turned = Some(view_densities(&data.classes, options.seed)?);
+    }
+    let mut camera = None;
+    if cameras {
+        step("learning what cameras see", folds.len() + 3);
+        let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
+        let of = |chosen: &dyn Fn(usize) -> Vec<usize>| -> Vec<Vec<&Occupancy>> {
+            (0..data.classes.len()).map(|s| chosen(s).into_iter().map(|i| data.classes[s][i]).collect()).collect()
+        };
+        let fold = &folds[0];
+        let (subspaces, noise) = first.take().unwrap_or_default();
+        let left_out = LeftOut {
+            kept: of(&|s| fold.kept[s].clone()),
+            held: of(&|s| fold.held.iter().filter(|(class, _)| *class == s).map(|(_, i)| *i).collect()),
+            subspaces,
+            noise: noise * calibration.noise_inflation,
+        };
+        let learned = camera_densities(&data.classes, &left_out, &elevations, options.seed)?;
+        calibration.camera = Some(learned.calibration);
+        camera = Some(learned.densities);
+    }
+    let (mut infos, mut classes) = (Vec::new(), Vec::new());
+    for (s, class) in std::mem::take(&mut fit.classes).into_iter().enumerate() {
+        let (_, centred) = centre(class.projected.as_ref());
+        let shrunk = shrunk_covariance(&centred);
+        let a = centred.ncols();
+        infos.push(ClassInfo {
+            name: names[s].clone(),
+            shapes: data.classes[s].len(),
+            basis_size: class.model.variances.len(),
+            explained: class.explained,
+            noise_variance: class.noise_variance,
+            shrinkage: shrunk.intensity,
+        });
+        let hull = |moments: &HullMoments| {
+            let (mean, covariance) = moments.density(s, calibration.prior_strength);
+            HullDensity { mean, covariance }
+        };
+        classes.push(ClassModel {
+            covariance: (0..a * a).map(|v| shrunk.covariance[((v / a).max(v % a), (v / a).min(v % a))] as f32).collect(),
+            hulls: hulls.iter().map(hull).collect(),
+            ..class.model
+        });
+    }
+    let metadata = Metadata {
+        format_version: FORMAT_VERSION,
+        beo_version: env!("CARGO_PKG_VERSION").into(),
+        licence: options.licence.clone(),
+        dims: data.dims,
+        classes: infos,
+        noise_variance: fit.noise,
+        calibration,
+        settings: Settings {
+            splits: options.splits.clone(),
+            views: options.views.clone(),
+            camera_elevations_deg: options.camera_elevations_deg.clone(),
+            variance_share: options.variance_share,
+            basis_range: options.basis_range,
+            longest_side: options.longest_side,
+            seed: options.seed,
+            folds: options.folds,
+        },
+    };
+    let Fit { basis, footprint, .. } = fit;
+    Ok(Model { id: 0, metadata, basis, classes, view_densities: turned, camera_densities: camera, footprint, levels: Vec::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::furniture;
+    use crate::learning::Shape;
+    use crate::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query};
+    use std::sync::Arc;
+
+    /// On a grid on which poses are searched, and on one that is too large for that.
+    #[test]
+    fn a_model_without_poses_completes_as_one_with_them_and_refuses_to_search() {
+        for side in [16, 66] {
+            let dims = Dims::cube(side).unwrap();
+            let object = |seed| furniture::make("chair", dims, seed).unwrap();
+            let shapes = (0..6).map(|n| Shape { object: object(n), class: 0, file: n.to_string() }).collect();
+            let shapes = ShapeSet { classes: vec!["chair".into()], shapes };
+            let mut answers = Vec::new();
+            for poses in [true, false] {
+                let model = train(&shapes, &TrainOptions { poses, ..TrainOptions::default() }, &|_| {}).unwrap();
+                assert_eq!((model.levels.is_empty(), model.view_densities.is_some()), (side == 16 || !poses, side == 16 && poses));
+                let perceiver = Perceiver::new(Arc::new(model)).unwrap();
+                let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+                let seen = View::Top.of(&object(9));
+                let mut query = Query { completion: true, ..Query::default() };
+                perceiver.classify(&seen, &query, &mut work, &mut percept).unwrap();
+                perceiver.complete(&query, &mut work, &mut percept).unwrap();
+                answers.push(percept.occupancy.clone());
+                query.pose = PoseSearch::Yaw { span: 1.0 };
+                let searched = perceiver.classify(&seen, &query, &mut work, &mut percept);
+                assert_eq!(matches!(searched, Err(PerceiveError::KnownPoseOnly)), !poses, "{searched:?}");
+            }
+            assert_eq!(answers[0], answers[1], "{side}");
+        }
+    }
+}

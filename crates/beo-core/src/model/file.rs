@@ -1,0 +1,617 @@
+//! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
+
+use super::camera_density::CELLS;
+use super::first_touch::{FirstTouch, PIECE, checksums};
+use super::{
+    Basis, CameraDensities, ClassModel, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model, OFFSETS,
+    ViewDensities, YAWS, levels_of, mapping,
+};
+use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
+use crate::grid::Pooling;
+use crate::text::printable;
+use half::f16;
+use memmap2::Mmap;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Tensors of at least this many bytes are not checked at load but by [`verify`], so that a start stays instant.
+const CHECKED_AT_LOAD: usize = 64 << 20;
+/// The key of our description in the header of the file.
+const KEY: &str = "beo";
+
+#[cfg(target_endian = "big")]
+compile_error!("model files are little-endian and are mapped as they are");
+
+/// A model file cannot be used or written.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The file cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not a model, or is damaged.
+    #[error("{}: not a usable model: {reason}; train it again or fetch a fresh copy", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// There is no room for the file.
+    #[error("{}: a model of about {needed} bytes does not fit there, {free} are free: free some, or write it elsewhere", path.display())]
+    NoRoom {
+        /// The file.
+        path: PathBuf,
+        /// Bytes it would have.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
+    },
+    /// The file was written in another format.
+    #[error("{}: model format {found}, this program reads format {FORMAT_VERSION}: train the model again with this version", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        found: u64,
+    },
+}
+
+/// The description in the header, with what is needed to detect damage.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    metadata: Metadata,
+    /// CRC-32 of each tensor's bytes.
+    checksums: BTreeMap<String, u32>,
+    /// CRC-32 of `metadata`, `checksums` and the table of tensors.
+    checksum: u32,
+}
+
+/// Names, shapes and lengths, written out: damage to the table of tensors changes this text.
+type Table = BTreeMap<String, (String, Vec<usize>, usize)>;
+
+fn header_checksum(metadata: &Metadata, checksums: &BTreeMap<String, u32>, table: &Table) -> u32 {
+    let text = serde_json::to_string(&(metadata, checksums, table)).expect("plain data");
+    crc32fast::hash(text.as_bytes())
+}
+
+/// Bytes as half-precision numbers; the slice is aligned and whole, which `load` has checked.
+pub(super) fn half_slice(bytes: &[u8]) -> &[f16] {
+    bytemuck::cast_slice(bytes)
+}
+
+/// Length of a packed lower triangle of `size` rows.
+fn packed(size: usize) -> usize {
+    size * (size + 1) / 2
+}
+
+/// The lower triangles, row after row, of symmetric matrices of `size` × `size` values.
+fn pack(matrices: &[f32], size: usize) -> Vec<f32> {
+    let rows = matrices.chunks_exact(size).enumerate();
+    rows.flat_map(|(i, row)| row[..=i % size].iter().copied()).collect()
+}
+
+/// The symmetric matrices of such lower triangles.
+fn unpack(triangles: &[f32], size: usize) -> Vec<f32> {
+    let matrices = triangles.chunks_exact(packed(size));
+    let entry = |(i, j): (usize, usize)| packed(i.max(j)) + i.min(j);
+    matrices.flat_map(|t| (0..size * size).map(move |v| t[entry((v / size, v % size))])).collect()
+}
+
+/// Writes a model. The file appears under its name only when it is complete.
+pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
+    let io = |source| ModelError::Io { path: path.to_owned(), source };
+    let partial = path.with_extension("partial");
+    // Made here first for its permissions: those of any new file, whereas the writer would make it readable for one user only.
+    let permissions = File::create(&partial).and_then(|file| file.metadata()).map_err(io)?.permissions();
+    if let Err(error) = with_tensors(model, |tensors, header| safetensors::serialize_to_file(tensors, Some(header), &partial)) {
+        let _ = std::fs::remove_file(&partial);
+        return Err(io(std::io::Error::other(error)));
+    }
+    std::fs::set_permissions(&partial, permissions).and_then(|()| std::fs::rename(&partial, path)).map_err(io)
+}
+
+/// A level of a model: the bytes of a whole model file.
+fn level_bytes(level: &Model) -> Vec<u8> {
+    with_tensors(level, |tensors, header| safetensors::serialize(tensors, Some(header)).expect("names and shapes are sound"))
+}
+
+fn level_name(dims: crate::grid::Dims) -> String {
+    format!("level_{}", <[usize; 3]>::from(dims).into_iter().fold(0, usize::max))
+}
+
+/// Calls `write` with a model's tensors and the description for the header.
+fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>)>, HashMap<String, String>) -> R) -> R {
+    let (classes, rank) = (model.classes.len(), model.rank());
+    let stack = |part: fn(&ClassModel) -> &[f32]| -> Vec<f32> { model.classes.iter().flat_map(|c| part(c).iter().copied()).collect() };
+    let mut floats: Vec<(String, Vec<usize>, Vec<f32>)> = vec![
+        ("class_mean".into(), vec![classes, rank], stack(|c| &c.mean)),
+        ("class_covariance".into(), vec![classes, packed(rank)], pack(&stack(|c| &c.covariance), rank)),
+    ];
+    let directions = stack(|c| &c.directions);
+    floats.push(("class_directions".into(), vec![directions.len() / rank, rank], directions));
+    for (v, view) in model.views().iter().enumerate() {
+        let stack = |part: fn(&HullDensity) -> &[f32]| -> Vec<f32> {
+            model.classes.iter().flat_map(|c| part(&c.hulls[v]).iter().copied()).collect()
+        };
+        floats.push((format!("hull_{}_mean", view.name()), vec![classes, rank], stack(|h| &h.mean)));
+        floats.push((format!("hull_{}_covariance", view.name()), vec![classes, packed(rank)], pack(&stack(|h| &h.covariance), rank)));
+    }
+    let variances: Vec<f64> = model.classes.iter().flat_map(|c| c.variances.iter().copied()).collect();
+
+    let mut tensors: Vec<(String, Dtype, Vec<usize>, &[u8])> = vec![
+        ("basis".into(), Dtype::F16, vec![model.basis.voxels(), rank], bytemuck::cast_slice(model.basis.values())),
+        ("class_variances".into(), Dtype::F64, vec![variances.len()], bytemuck::cast_slice(&variances)),
+    ];
+    if let Some(views) = &model.view_densities {
+        let p = views.size;
+        let halves: [(&str, Vec<usize>, &[f16]); 4] = [
+            ("view_basis", vec![views.basis.len() / p, p], &views.basis),
+            ("view_mean", vec![DIRECTIONS, classes, p], &views.means),
+            ("view_whitening", vec![DIRECTIONS, classes, packed(p)], &views.whitening),
+            ("view_regression", vec![DIRECTIONS, classes, 3, p], &views.regression),
+        ];
+        for (name, shape, values) in halves {
+            tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
+        }
+    }
+    let (bits, pieces);
+    if let Some(footprint) = &model.footprint {
+        bits = footprint.bytes();
+        pieces = checksums(bytemuck::cast_slice(model.basis.values()));
+        tensors.push(("basis_footprint".into(), Dtype::U8, vec![bits.len()], &bits));
+        tensors.push(("basis_gram".into(), Dtype::F64, vec![footprint.gram.len()], bytemuck::cast_slice(&footprint.gram)));
+        tensors.push(("basis_pieces".into(), Dtype::U32, vec![pieces.len()], bytemuck::cast_slice(&pieces)));
+    }
+    let levels: Vec<(String, Vec<u8>)> = model.levels.iter().map(|level| (level_name(level.dims()), level_bytes(level))).collect();
+    for (name, bytes) in &levels {
+        tensors.push((name.clone(), Dtype::U8, vec![bytes.len()], bytes));
+    }
+    if let Some(cameras) = &model.camera_densities {
+        let (e, p) = (cameras.elevations.len(), cameras.size);
+        let halves: [(&str, Vec<usize>, &[f16]); 4] = [
+            ("camera_basis", vec![cameras.basis.len() / p, p], &cameras.basis),
+            ("camera_mean", vec![e, YAWS, classes, p], &cameras.means),
+            ("camera_whitening", vec![e, YAWS, classes, packed(p)], &cameras.whitening),
+            ("camera_regression", vec![e, YAWS, classes, OFFSETS, p], &cameras.regression),
+        ];
+        for (name, shape, values) in halves {
+            tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
+        }
+        for (name, values) in [("camera_offset", &cameras.offsets), ("camera_deviation", &cameras.deviations)] {
+            tensors.push((name.into(), Dtype::F32, vec![e, YAWS, classes, OFFSETS], bytemuck::cast_slice(values)));
+        }
+    }
+    for (name, shape, values) in &floats {
+        tensors.push((name.clone(), Dtype::F32, shape.clone(), bytemuck::cast_slice(values)));
+    }
+    let checksums: BTreeMap<String, u32> = tensors.iter().map(|(name, _, _, bytes)| (name.clone(), crc32fast::hash(bytes))).collect();
+    let table: Table =
+        tensors.iter().map(|(name, dtype, shape, bytes)| (name.clone(), (dtype.to_string(), shape.clone(), bytes.len()))).collect();
+    let checksum = header_checksum(&model.metadata, &checksums, &table);
+    let header = Header { metadata: model.metadata.clone(), checksums, checksum };
+    let header = HashMap::from([(KEY.to_string(), serde_json::to_string(&header).expect("plain data"))]);
+
+    let tensors = tensors.into_iter().map(|(name, dtype, shape, bytes)| {
+        (name, TensorView::new(dtype, shape, bytes).expect("the shapes were computed from the lengths"))
+    });
+    write(tensors.collect(), header)
+}
+
+/// What a full check of a file found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct VerifyReport {
+    /// Tensors checked.
+    pub tensors: usize,
+    /// Their bytes.
+    pub bytes: usize,
+}
+
+/// Checks the header and every tensor of a model file, whatever its size.
+pub fn verify(path: &Path) -> Result<VerifyReport, ModelError> {
+    let file = Opened::open(path)?;
+    let tensors = file.tensors()?;
+    let mut bytes = 0;
+    for name in file.header.checksums.keys() {
+        let tensor = file.tensor(&tensors, name)?;
+        file.check(name, tensor.data())?;
+        bytes += tensor.data().len();
+    }
+    Ok(VerifyReport { tensors: file.header.checksums.len(), bytes })
+}
+
+/// What the header of a model file says.
+#[derive(Debug, Clone)]
+pub struct Outline {
+    /// What the model is and how it was made.
+    pub metadata: Metadata,
+    /// Number of columns of W', a.
+    pub rank: usize,
+    /// Bytes of the file.
+    pub file_bytes: u64,
+    /// Bytes of W'.
+    pub basis_bytes: u64,
+    /// The models on smaller grids.
+    pub levels: Vec<Outline>,
+}
+
+impl Outline {
+    /// Bytes of memory that [`load`] takes at a time: the file's pages, and twice the covariances as full matrices.
+    pub fn bytes(&self) -> u64 {
+        let matrices = self.metadata.classes.len() as u64 * (1 + self.metadata.settings.views.len() as u64);
+        matrices.saturating_mul(self.rank as u64 * self.rank as u64).saturating_mul(2 * 4).saturating_add(self.file_bytes)
+    }
+}
+
+/// Reads and checks the header of a model file, and nothing else.
+pub fn outline(path: &Path) -> Result<Outline, ModelError> {
+    outline_of(Opened::open(path)?)
+}
+
+fn outline_of(file: Opened) -> Result<Outline, ModelError> {
+    let tensors = file.tensors()?;
+    let rank = file.rank(&tensors)?;
+    let level = |dims| {
+        let tensor = file.tensor(&tensors, &level_name(dims))?;
+        outline_of(Opened::within(&file.path, file.map.clone(), file.range(tensor.data()))?)
+    };
+    let levels = levels_of(file.header.metadata.dims).into_iter().map(level).collect::<Result<_, ModelError>>()?;
+    let basis_bytes = (file.header.metadata.dims.voxels() * rank * size_of::<f16>()) as u64;
+    Ok(Outline { rank, file_bytes: file.within.len() as u64, basis_bytes, levels, metadata: file.header.metadata })
+}
+
+/// Fails unless a model of `bytes` can be written to `path`: a training that cannot keep what it learned should not begin.
+pub fn check_place(path: &Path, bytes: u64) -> Result<(), ModelError> {
+    let io = |source| ModelError::Io { path: path.to_owned(), source };
+    let partial = path.with_extension("partial");
+    let file = File::create(&partial).map_err(io)?;
+    let space = rustix::fs::fstatvfs(&file);
+    std::fs::remove_file(&partial).map_err(io)?;
+    let space = space.map_err(|error| io(error.into()))?;
+    let free = space.f_bavail.saturating_mul(space.f_frsize);
+    if free < bytes {
+        return Err(ModelError::NoRoom { path: path.to_owned(), needed: bytes, free });
+    }
+    Ok(())
+}
+
+/// Maps a model file and checks its header, sizes and the checksums of all tensors below 64 MiB.
+pub fn load(path: &Path) -> Result<Model, ModelError> {
+    read(&Opened::open(path)?)
+}
+
+fn read(file: &Opened) -> Result<Model, ModelError> {
+    let tensors = file.tensors()?;
+    let metadata = &file.header.metadata;
+    let m = metadata.classes.len();
+    let total: usize = metadata.classes.iter().map(|c| c.basis_size).sum();
+    let rank = file.rank(&tensors)?;
+    let basis = file.tensor(&tensors, "basis")?;
+    let levels = file.levels(&tensors, metadata)?;
+    let footprint = if levels.is_empty() { None } else { Some(file.footprint(&tensors, metadata, rank)?) };
+    let first_touch = match &footprint {
+        _ if basis.data().len() < CHECKED_AT_LOAD => {
+            file.check("basis", basis.data())?;
+            None
+        }
+        Some(_) => Some(FirstTouch::new(file.words(&tensors, "basis_pieces", &[basis.data().len().div_ceil(PIECE)])?)),
+        None => None,
+    };
+    let basis = Basis::mapped(rank, file.map.clone(), file.range(basis.data()), first_touch);
+
+    let mean = file.floats(&tensors, "class_mean", &[m, rank])?;
+    let covariance = file.symmetric(&tensors, "class_covariance", m, rank)?;
+    let directions = file.floats(&tensors, "class_directions", &[total, rank])?;
+    let variances = file.doubles(&tensors, "class_variances", &[total])?;
+    if !variances.iter().all(|v| *v > 0.0 && v.is_finite()) {
+        return Err(file.invalid("a variance of a class is not a positive number"));
+    }
+    let mut hulls = Vec::new();
+    for view in &metadata.settings.views {
+        hulls.push((
+            file.floats(&tensors, &format!("hull_{}_mean", view.name()), &[m, rank])?,
+            file.symmetric(&tensors, &format!("hull_{}_covariance", view.name()), m, rank)?,
+        ));
+    }
+    let view_densities = if levels.is_empty() { Some(file.view_densities(&tensors, metadata)?) } else { None };
+    let camera_densities = file.camera_densities(&tensors, metadata)?;
+    let slice = |values: &[f32], s: usize, size: usize| values[s * size..(s + 1) * size].to_vec();
+    let mut first = 0;
+    let classes = metadata
+        .classes
+        .iter()
+        .enumerate()
+        .map(|(s, info)| {
+            let rows = first..first + info.basis_size;
+            first = rows.end;
+            ClassModel {
+                mean: slice(&mean, s, rank),
+                covariance: slice(&covariance, s, rank * rank),
+                directions: directions[rows.start * rank..rows.end * rank].to_vec(),
+                variances: variances[rows].to_vec(),
+                hulls: hulls
+                    .iter()
+                    .map(|(mean, covariance)| HullDensity { mean: slice(mean, s, rank), covariance: slice(covariance, s, rank * rank) })
+                    .collect(),
+            }
+        })
+        .collect();
+    let id = u64::from(file.header.checksum) << 32 | u64::from(file.header.checksums.get("basis").copied().unwrap_or(0));
+    Ok(Model { id, metadata: file.header.metadata.clone(), basis, classes, view_densities, camera_densities, footprint, levels })
+}
+
+/// What a file that was written by `save` always satisfies, and a hand-made one may not.
+fn check_metadata(metadata: &Metadata) -> Result<(), String> {
+    let m = metadata.classes.len();
+    let calibration = &metadata.calibration;
+    let blends = [&calibration.auto, &calibration.hull, &calibration.evidence, &calibration.mean];
+    if blends.iter().any(|blend| blend.offsets.len() != m) {
+        return Err("its calibration is for another number of classes".into());
+    }
+    // What a method does not compute has no weight in its blend.
+    let [auto, hull, evidence, mean] = blends;
+    let foreign =
+        [auto.distance, hull.evidence, hull.distance, evidence.hull, evidence.distance, mean.hull, mean.evidence].iter().any(|w| *w != 0.0);
+    if foreign {
+        return Err("its calibration weighs scores that the method does not compute".into());
+    }
+    let elevations = &metadata.settings.camera_elevations_deg;
+    let ascending = elevations.windows(2).all(|pair| pair[0] < pair[1]);
+    if !ascending || elevations.len() > 32 || !elevations.iter().all(|e| (-90.0..=90.0).contains(e)) {
+        return Err("its cameras' elevations are not at most 32 ascending angles from -90 to 90".into());
+    }
+    match (&calibration.camera, elevations.is_empty()) {
+        (None, true) => (),
+        (Some(camera), false)
+            if camera.pose_weight > 0.0
+                && std::iter::once(&camera.blend)
+                    .chain(&camera.together)
+                    .all(|blend| blend.offsets.len() == m && blend.distance == 0.0) => {}
+        _ => return Err("its calibration does not fit its cameras".into()),
+    }
+    if m > MOST_CLASSES {
+        return Err(format!("it has {m} classes, more than the {MOST_CLASSES} that a percept can name"));
+    }
+    if let Some(class) = metadata.classes.iter().find(|c| c.name.len() > LONGEST_CLASS_NAME || c.basis_size > MOST_COMPONENTS) {
+        return Err(format!("class `{}` has too long a name or more than {MOST_COMPONENTS} components", class.name));
+    }
+    if metadata.settings.views.is_empty() {
+        return Err("it was trained for no view".into());
+    }
+    let positive = [metadata.noise_variance, calibration.noise_inflation, calibration.degrees_of_freedom];
+    if !positive.iter().all(|v| *v > 0.0 && v.is_finite()) {
+        return Err("its noise variance, noise inflation or degrees of freedom is not a positive number".into());
+    }
+    Ok(())
+}
+
+/// A mapped file whose header has been checked.
+struct Opened {
+    path: PathBuf,
+    map: Arc<Mmap>,
+    /// Its bytes in the file.
+    within: Range<usize>,
+    header: Header,
+}
+
+impl Opened {
+    fn open(path: &Path) -> Result<Self, ModelError> {
+        let io = |source| ModelError::Io { path: path.to_owned(), source };
+        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: printable(&reason) };
+        // What is no regular file may keep whoever opens it waiting.
+        if !path.metadata().map_err(io)?.is_file() {
+            return Err(invalid("it is not a regular file".into()));
+        }
+        let map = mapping::map(&File::open(path).map_err(io)?).map_err(io)?;
+        let within = 0..map.len();
+        Self::within(path, Arc::new(map), within)
+    }
+
+    /// The model that lies in these bytes of a mapped file.
+    fn within(path: &Path, map: Arc<Mmap>, within: Range<usize>) -> Result<Self, ModelError> {
+        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: printable(&reason) };
+        let (_, info) = SafeTensors::read_metadata(&map[within.clone()]).map_err(|e| invalid(format!("{e}")))?;
+        let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
+        let value: serde_json::Value = serde_json::from_str(text).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
+        match value["metadata"]["format_version"].as_u64() {
+            Some(version) if version == u64::from(FORMAT_VERSION) => {}
+            Some(found) => return Err(ModelError::Format { path: path.to_owned(), found }),
+            None => return Err(invalid("its description has no format version".into())),
+        }
+        let header: Header = serde_json::from_value(value).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
+        // A flipped bit can leave every value as it was, in another spelling (`1E-5`), which the checksum of the values does not see.
+        if serde_json::to_string(&header).expect("plain data") != *text {
+            return Err(invalid("its description is not spelled as it was written".into()));
+        }
+        let table: Table = info
+            .tensors()
+            .into_iter()
+            .map(|(name, t)| (name, (t.dtype.to_string(), t.shape.clone(), t.data_offsets.1 - t.data_offsets.0)))
+            .collect();
+        if header_checksum(&header.metadata, &header.checksums, &table) != header.checksum {
+            return Err(invalid("its header does not match its checksum".into()));
+        }
+        Ok(Self { path: path.to_owned(), map, within, header })
+    }
+
+    /// Where in the file these bytes lie.
+    fn range(&self, bytes: &[u8]) -> Range<usize> {
+        let start = bytes.as_ptr() as usize - self.map.as_ptr() as usize;
+        start..start + bytes.len()
+    }
+
+    /// The models on smaller grids.
+    fn levels(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Vec<Model>, ModelError> {
+        let level = |dims| {
+            let name = level_name(dims);
+            let tensor = self.tensor(tensors, &name)?;
+            self.check(&name, tensor.data())?;
+            if !(tensor.data().as_ptr() as usize).is_multiple_of(align_of::<f16>()) {
+                return Err(self.invalid(format!("tensor `{name}` does not lie at an even address")));
+            }
+            let level = read(&Self::within(&self.path, self.map.clone(), self.range(tensor.data()))?)?;
+            let names = |m: &Metadata| m.classes.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+            if level.dims() != dims || names(&level.metadata) != names(metadata) {
+                return Err(self.invalid(format!("tensor `{name}` is a model of other shapes")));
+            }
+            Ok(level)
+        };
+        levels_of(metadata.dims).into_iter().map(level).collect()
+    }
+
+    fn footprint(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Footprint, ModelError> {
+        let voxels = metadata.dims.voxels();
+        let bytes = self.small(tensors, "basis_footprint", Dtype::U8, &[Footprint::length(voxels)])?;
+        let gram = self.doubles(tensors, "basis_gram", &[packed(rank + 1)])?;
+        if !gram.iter().all(|v| v.is_finite()) {
+            return Err(self.invalid("tensor `basis_gram` holds a value that is not a number"));
+        }
+        Ok(Footprint { voxels: Footprint::bits(voxels, &bytes), gram })
+    }
+
+    fn words(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<u32>, ModelError> {
+        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::U32, shape)?))
+    }
+
+    /// Number of columns of the basis, after the description and the basis have been checked against each other.
+    fn rank(&self, tensors: &SafeTensors<'_>) -> Result<usize, ModelError> {
+        let basis = self.tensor(tensors, "basis")?;
+        let rank = basis.shape().get(1).copied().unwrap_or(0);
+        if self.header.metadata.classes.is_empty() || rank == 0 {
+            return Err(self.invalid("it has no class or no basis"));
+        }
+        check_metadata(&self.header.metadata).map_err(|reason| self.invalid(reason))?;
+        self.expect(&basis, "basis", Dtype::F16, &[self.header.metadata.dims.voxels(), rank])?;
+        Ok(rank)
+    }
+
+    fn invalid(&self, reason: impl Into<String>) -> ModelError {
+        ModelError::Invalid { path: self.path.clone(), reason: printable(&reason.into()) }
+    }
+
+    fn tensors(&self) -> Result<SafeTensors<'_>, ModelError> {
+        SafeTensors::deserialize(&self.map[self.within.clone()]).map_err(|e| self.invalid(e.to_string()))
+    }
+
+    fn tensor<'a>(&self, tensors: &SafeTensors<'a>, name: &str) -> Result<TensorView<'a>, ModelError> {
+        tensors.tensor(name).map_err(|_| self.invalid(format!("tensor `{name}` is missing")))
+    }
+
+    fn expect(&self, tensor: &TensorView<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), ModelError> {
+        if tensor.dtype() == dtype && tensor.shape() == shape {
+            return Ok(());
+        }
+        Err(self.invalid(format!("tensor `{name}` is {} {:?} where {dtype} {shape:?} was expected", tensor.dtype(), tensor.shape())))
+    }
+
+    fn check(&self, name: &str, bytes: &[u8]) -> Result<(), ModelError> {
+        if self.header.checksums.get(name) == Some(&crc32fast::hash(bytes)) {
+            return Ok(());
+        }
+        Err(self.invalid(format!("tensor `{name}` does not match its checksum")))
+    }
+
+    fn small(&self, tensors: &SafeTensors<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<u8>, ModelError> {
+        let tensor = self.tensor(tensors, name)?;
+        self.expect(&tensor, name, dtype, shape)?;
+        self.check(name, tensor.data())?;
+        Ok(tensor.data().to_vec())
+    }
+
+    fn floats(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
+        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F32, shape)?))
+    }
+
+    /// Symmetric matrices that are stored as lower triangles, `count` of `size` × `size`.
+    fn symmetric(&self, tensors: &SafeTensors<'_>, name: &str, count: usize, size: usize) -> Result<Vec<f32>, ModelError> {
+        Ok(unpack(&self.floats(tensors, name, &[count, packed(size)])?, size))
+    }
+
+    fn doubles(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelError> {
+        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F64, shape)?))
+    }
+
+    fn halves(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f16>, ModelError> {
+        let values: Vec<f16> = bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F16, shape)?);
+        if values.iter().all(|v| v.is_finite()) {
+            return Ok(values);
+        }
+        Err(self.invalid(format!("tensor `{name}` holds a value that is not a number")))
+    }
+
+    fn view_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<ViewDensities, ModelError> {
+        let (m, cells) = (metadata.classes.len(), Pooling::new(metadata.dims).count());
+        let size = self.tensor(tensors, "view_basis")?.shape().get(1).copied().unwrap_or(0);
+        if size == 0 || size > cells {
+            return Err(self.invalid(format!("tensor `view_basis` has {size} columns where 1 to {cells} were expected")));
+        }
+        let triangle = packed(size);
+        let densities = ViewDensities {
+            size,
+            basis: self.halves(tensors, "view_basis", &[cells, size])?,
+            means: self.halves(tensors, "view_mean", &[DIRECTIONS, m, size])?,
+            whitening: self.halves(tensors, "view_whitening", &[DIRECTIONS, m, triangle])?,
+            regression: self.halves(tensors, "view_regression", &[DIRECTIONS, m, 3, size])?,
+        };
+        self.check_factors("view_whitening", &densities.whitening, size)?;
+        Ok(densities)
+    }
+
+    fn camera_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Option<CameraDensities>, ModelError> {
+        let elevations = &metadata.settings.camera_elevations_deg;
+        if elevations.is_empty() {
+            return Ok(None);
+        }
+        let size = self.tensor(tensors, "camera_basis")?.shape().get(1).copied().unwrap_or(0);
+        if size == 0 || size > CELLS {
+            return Err(self.invalid(format!("tensor `camera_basis` has {size} columns where 1 to {CELLS} were expected")));
+        }
+        let at = |rest: &[usize]| [&[elevations.len(), YAWS, metadata.classes.len()], rest].concat();
+        let densities = CameraDensities {
+            elevations: elevations.iter().map(|e| e.to_radians()).collect(),
+            size,
+            basis: self.halves(tensors, "camera_basis", &[CELLS, size])?,
+            means: self.halves(tensors, "camera_mean", &at(&[size]))?,
+            whitening: self.halves(tensors, "camera_whitening", &at(&[packed(size)]))?,
+            offsets: self.floats(tensors, "camera_offset", &at(&[OFFSETS]))?,
+            regression: self.halves(tensors, "camera_regression", &at(&[OFFSETS, size]))?,
+            deviations: self.floats(tensors, "camera_deviation", &at(&[OFFSETS]))?,
+        };
+        self.check_factors("camera_whitening", &densities.whitening, size)?;
+        if !densities.offsets.iter().all(|v| v.abs() < 1e3) || !densities.deviations.iter().all(|v| *v > 0.0 && *v < 1e3) {
+            return Err(self.invalid("tensor `camera_offset` or `camera_deviation` holds a value that is out of range"));
+        }
+        Ok(Some(densities))
+    }
+
+    /// Packed triangles have a positive diagonal.
+    fn check_factors(&self, name: &str, factors: &[f16], size: usize) -> Result<(), ModelError> {
+        let positive = |factor: &[f16]| (0..size).all(|i| factor[packed(i + 1) - 1] > f16::ZERO);
+        if factors.chunks_exact(packed(size)).all(positive) {
+            return Ok(());
+        }
+        Err(self.invalid(format!("tensor `{name}` has a diagonal that is not positive")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn symmetric_matrices_survive_packing() {
+        let matrices = [1.0, 2.0, 4.0, 2.0, 3.0, 5.0, 4.0, 5.0, 6.0, 7.0, 8.0, 0.5, 8.0, 9.0, 0.25, 0.5, 0.25, 10.0];
+        let triangles = pack(&matrices, 3);
+        assert_eq!(triangles, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 0.5, 0.25, 10.0]);
+        assert_eq!(unpack(&triangles, 3), matrices);
+    }
+}

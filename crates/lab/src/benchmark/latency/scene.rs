@@ -1,0 +1,87 @@
+//! What the camera of the load `camera` sees: six blocks on a table, rendered from their planes.
+
+use beo_camera::{Frame, Intrinsics};
+use nalgebra::{Matrix3, Point3, Vector3};
+
+/// Pixels of a row, and rows.
+const SIZE: [u32; 2] = [640, 480];
+/// Focal length, pixels.
+const FOCAL: f64 = 525.0;
+/// Where the camera is; it looks at the middle of the table, metres.
+const CAMERA: [f64; 3] = [-0.6, 0.0, 0.55];
+/// Readings are whole millimetres.
+const STEP: f64 = 0.001;
+
+/// Middle of the foot, half the lengths of the sides, height: metres.
+const BLOCKS: [([f64; 2], [f64; 2], f64); 6] = [
+    ([-0.12, -0.20], [0.03, 0.05], 0.10),
+    ([-0.15, 0.00], [0.04, 0.04], 0.12),
+    ([-0.12, 0.19], [0.05, 0.03], 0.08),
+    ([0.10, -0.24], [0.04, 0.06], 0.20),
+    ([0.12, 0.03], [0.06, 0.04], 0.16),
+    ([0.10, 0.26], [0.03, 0.03], 0.22),
+];
+
+/// A rendered depth image with the label of the object of each pixel, and the camera that sees it.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    intrinsics: Intrinsics,
+    /// Along the optical axis, metres; 0 for no reading.
+    depth_m: Vec<f32>,
+    labels: Vec<u16>,
+}
+
+impl Scene {
+    /// The images and the camera.
+    pub fn frame(&self) -> Frame<'_> {
+        Frame::new(&self.intrinsics, &self.depth_m, &self.labels).expect("one value for each pixel")
+    }
+}
+
+/// A frame of 640 × 480 pixels that shows six objects and the table that they stand on.
+pub fn six_objects() -> Scene {
+    let from = Point3::from(CAMERA);
+    let z = -from.coords.normalize();
+    let x = z.cross(&Vector3::z()).normalize();
+    let camera_to_world = Matrix3::from_columns(&[x, z.cross(&x), z]);
+    let centre = SIZE.map(|side| (f64::from(side) - 1.0) / 2.0);
+    let (mut depth, mut labels) = (Vec::new(), Vec::new());
+    for pixel in 0..SIZE[0] * SIZE[1] {
+        let [u, v] = [pixel % SIZE[0], pixel / SIZE[0]].map(f64::from);
+        let ray = camera_to_world * Vector3::new((u - centre[0]) / FOCAL, (v - centre[1]) / FOCAL, 1.0);
+        let table = (ray.z < 0.0).then(|| (-from.z / ray.z, 0)).filter(|(t, _)| (from + ray * *t).coords.xy().abs().max() < 0.7);
+        let blocks = BLOCKS.iter().zip(1..).filter_map(|(block, label)| Some((enters(block, &from, &ray)?, label)));
+        let (metres, label) = blocks.chain(table).fold((f64::INFINITY, 0), |near, hit| if hit.0 < near.0 { hit } else { near });
+        depth.push(if metres.is_finite() { ((metres / STEP).round() * STEP) as f32 } else { 0.0 });
+        labels.push(label);
+    }
+    let intrinsics = Intrinsics::new(SIZE[0], SIZE[1], [FOCAL; 2], centre, [0.0; 5]).expect("a camera");
+    Scene { intrinsics, depth_m: depth, labels }
+}
+
+/// Where a ray enters a block, in its lengths.
+fn enters((middle, half, height): &([f64; 2], [f64; 2], f64), from: &Point3<f64>, ray: &Vector3<f64>) -> Option<f64> {
+    let low = [middle[0] - half[0], middle[1] - half[1], 0.0];
+    let high = [middle[0] + half[0], middle[1] + half[1], *height];
+    let (mut near, mut far) = (0.0_f64, f64::INFINITY);
+    for axis in 0..3 {
+        let [a, b] = [low, high].map(|corner| (corner[axis] - from[axis]) / ray[axis]);
+        (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
+    }
+    (near <= far).then_some(near)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beo_camera::{GridOptions, lay_grids};
+
+    #[test]
+    fn all_six_objects_get_a_grid() {
+        let scene = six_objects();
+        let laid = lay_grids(scene.frame(), &GridOptions::new([30; 3]));
+        assert_eq!(laid.objects.iter().map(|object| object.object).collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6]);
+        assert!(laid.objects.iter().all(|object| object.carver.is_ok()));
+        assert!((laid.support.unwrap().height(&Point3::origin()) - CAMERA[2]).abs() < 2e-3);
+    }
+}

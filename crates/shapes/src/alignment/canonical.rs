@@ -1,0 +1,54 @@
+//! Where the aligned shapes of a class come to lie: about the origin of the unit cube, along its axes.
+
+use super::Settings;
+use super::solid::{Solid, principal};
+use super::transform::Similarity;
+use beo_core::grid::Rotation;
+use nalgebra::{Matrix3, Vector3};
+
+/// Mean of the shapes' longest sides, as a share of the cube's: the 24 voxels of 30 that other shapes take.
+pub const LONGEST: f64 = 0.8;
+
+/// What takes aligned shapes to the unit cube, one similarity for all: the longest principal axis of the mean shape along x, the shortest along
+/// z; the half turns that leaves open are chosen so that the shapes reach out farther towards +x and +y; with up kept, the longer horizontal axis along x. Then the mean of the longest
+/// sides is [`LONGEST`], and the mean of the boxes' centres is the origin. All are made smaller where one would leave the cube.
+pub(super) fn to_unit_cube(solids: &[Solid], placements: &[Similarity], settings: &Settings) -> Similarity {
+    into_cube(solids, placements, Similarity::turning(orientation(solids, placements, settings.keep_up)))
+}
+
+/// What is needed after `turn` to bring the shapes into the cube.
+pub(super) fn into_cube(solids: &[Solid], placements: &[Similarity], turn: Similarity) -> Similarity {
+    let count = solids.len() as f64;
+    let boxes: Vec<_> = solids.iter().zip(placements).map(|(solid, placement)| solid.placed_bounds(&turn.after(placement))).collect();
+    let longest = boxes.iter().map(|[low, high]| (high - low).max()).sum::<f64>() / count;
+    let middle = boxes.iter().map(|[low, high]| (low.coords + high.coords) / 2.0).sum::<Vector3<f64>>() / count;
+    let farthest = boxes.iter().flatten().map(|p| (p.coords - middle).amax()).fold(0.0, f64::max);
+    // Not quite onto the border, which would touch the voxels beyond.
+    let scale = (LONGEST / longest).min(0.5 * (1.0 - 1e-6) / farthest);
+    Similarity { rotation: Rotation::identity(), scale, translation: -middle * scale }.after(&turn)
+}
+
+fn orientation(solids: &[Solid], placements: &[Similarity], keep_up: bool) -> Rotation {
+    // Moments of all shapes together, each with the same mass.
+    let count = solids.len() as f64;
+    let centre = |solid: &Solid, placement: &Similarity| placement.place(&solid.centre.into()).coords;
+    let middle = solids.iter().zip(placements).map(|(s, p)| centre(s, p)).sum::<Vector3<f64>>() / count;
+    let covariance = |(solid, placement): (&Solid, &Similarity)| {
+        let turn = placement.rotation.to_rotation_matrix();
+        let off = centre(solid, placement) - middle;
+        turn * solid.covariance * turn.transpose() * placement.scale.powi(2) + off * off.transpose()
+    };
+    let covariance = solids.iter().zip(placements).map(covariance).sum::<Matrix3<f64>>() / count;
+    let axes = principal(&covariance, keep_up);
+    let skewness =
+        solids.iter().zip(placements).map(|(solid, placement)| solid.skewness(&(axes * placement.rotation))).sum::<Vector3<f64>>();
+    // Half a turn about an axis changes the signs of the two others.
+    let half = |axis| Rotation::from_axis_angle(&axis, std::f64::consts::PI);
+    let signs = match (skewness.x < 0.0, !keep_up && skewness.y < 0.0) {
+        (false, false) => Rotation::identity(),
+        (true, false) if !keep_up => half(Vector3::y_axis()),
+        (true, _) => half(Vector3::z_axis()),
+        (false, true) => half(Vector3::x_axis()),
+    };
+    signs * axes
+}

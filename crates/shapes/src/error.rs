@@ -1,0 +1,104 @@
+//! What can go wrong while a shape is read: what was wrong, where, and what to do.
+
+use beo_core::grid::{Dims, DimsError, ObservationError};
+use std::path::PathBuf;
+
+/// The content of a file is not what its format promises. Without the file's name: see [`ReadError`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FormatError {
+    /// A line of a text file is wrong.
+    #[error("{format}, line {line}: {problem}")]
+    Line {
+        /// Name of the format.
+        format: &'static str,
+        /// The first wrong line, counted from 1.
+        line: usize,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+    /// A byte of a binary file is wrong.
+    #[error("{format}, byte {byte}: {problem}")]
+    Byte {
+        /// Name of the format.
+        format: &'static str,
+        /// Where it is, counted from 0.
+        byte: usize,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+    /// The file as a whole is wrong.
+    #[error("{format}: {problem}")]
+    File {
+        /// Name of the format.
+        format: &'static str,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+    /// The mesh in the file cannot be used.
+    #[error("{0}")]
+    Mesh(#[from] super::MeshError),
+    /// The grid in the file is too small or too large.
+    #[error("{0}")]
+    Dims(#[from] DimsError),
+    /// The grid in the file holds something that is not a voxel code.
+    #[error("{0}")]
+    Observation(#[from] ObservationError),
+}
+
+/// A file could not be read as a shape. One line, with the file's name.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file cannot be opened or read.
+    #[error("cannot read {}: {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The path is not a file: a folder, a pipe, a device.
+    #[error("{} is not a regular file", path.display())]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The file is larger than any shape or image should be.
+    #[error("{} has {bytes} bytes, more than the {limit} that are read: is it the right file? A mesh can be simplified", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        bytes: u64,
+        /// The most that is read.
+        limit: u64,
+    },
+    /// The extension is not that of a known format.
+    #[error("{}: unknown kind of file; known are {known}", path.display())]
+    Extension {
+        /// The file.
+        path: PathBuf,
+        /// The extensions that would do here.
+        known: &'static str,
+    },
+    /// The content is not what the format promises.
+    #[error("{}: {source}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        source: FormatError,
+    },
+    /// A voxel file has another size than was asked for.
+    #[error("{} is a grid of {found} voxels where {expected} are needed: voxel files are not resampled, use a mesh or another resolution", path.display())]
+    OtherDims {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        found: Dims,
+        /// The size that was asked for.
+        expected: Dims,
+    },
+    /// The folder of the file has an `alignment.json` that cannot be used.
+    #[error("{0}")]
+    Alignment(#[from] super::AlignmentFileError),
+}

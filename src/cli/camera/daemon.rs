@@ -1,0 +1,122 @@
+//! Grids into the shared memory of a daemon, and the count of what it answers.
+
+use super::sink::{Finish, Shown, Sink, place};
+use crate::cli::failure::Failure;
+use beo_camera::Carver;
+use beo_camera::carve;
+use beo_ipc::text::{from_field, to_field};
+use beo_ipc::{PerceptStatus, Producer, Subscriber};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// A daemon that runs and has not answered for so long has nothing more to answer.
+const SILENCE: Duration = Duration::from_secs(30);
+/// Observations that may wait to be answered where the answers set the pace: no more than the shortest queue of a daemon holds.
+const IN_FLIGHT: usize = 2;
+
+/// Grids into shared memory.
+pub(super) struct Daemon {
+    producer: Producer,
+    subscriber: Subscriber,
+    stop: Arc<AtomicBool>,
+    /// The answers set the pace.
+    in_step: bool,
+    /// What was sent and has no answer yet: frame and object.
+    pending: BTreeMap<u64, (String, u64)>,
+    /// Sent, answered, refused, without an answer.
+    counts: [u64; 4],
+}
+
+impl Sink for Daemon {
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure> {
+        if self.in_step {
+            self.settle(IN_FLIGHT - 1)?;
+        }
+        let mut loan = self.producer.loan()?;
+        carve(carver, loan.voxels_mut())?;
+        finish(loan.voxels_mut())?;
+        let header = loan.header_mut();
+        place(header, &carver.grid);
+        (header.object_id, header.capture_ns, header.sensor_stamp_ns) = (carver.object.into(), of.captured_ns, of.stamp_ns);
+        header.frame_id = to_field(of.frame_id);
+        let sent = loan.send()?;
+        self.pending.insert(sent.sequence, (of.frame.to_owned(), carver.object.into()));
+        self.counts[0] += 1;
+        self.drain()?;
+        Ok(())
+    }
+
+    fn frame_ended(&mut self) -> Result<(), Failure> {
+        if self.in_step { self.settle(0) } else { self.drain().map(drop) }
+    }
+}
+
+impl Daemon {
+    /// Nothing is sent yet. `in_step`: the answers set the pace.
+    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool) -> Self {
+        Self { producer, subscriber, stop, in_step, pending: BTreeMap::new(), counts: [0; 4] }
+    }
+
+    /// Waits for the answers that are still to come, and says what was sent and answered.
+    pub(super) fn finish(mut self) -> Result<String, Failure> {
+        self.settle(0)?;
+        self.give_up(|_, _| true)?;
+        let [sent, answered, refused, unanswered] = self.counts;
+        let missing = if unanswered > 0 { format!(", {unanswered} not answered") } else { String::new() };
+        Ok(format!("{sent} observations sent, {answered} answered, {refused} refused{missing}"))
+    }
+
+    /// Takes the percepts that have come; how many were ours.
+    fn drain(&mut self) -> Result<usize, Failure> {
+        let mut count = 0;
+        while let Some(percept) = self.subscriber.take_percept()? {
+            if percept.producer_id != self.producer.id() {
+                continue;
+            }
+            let Some((frame, object)) = self.pending.remove(&percept.sequence) else { continue };
+            count += 1;
+            let is_ok = percept.status == PerceptStatus::Ok.code();
+            self.counts[if is_ok { 1 } else { 2 }] += 1;
+            if !is_ok {
+                say!("{frame}: object {object} was refused: {}", from_field(&percept.explanation));
+            }
+            // What was sent of this object before has been overtaken.
+            self.give_up(|sequence, other| sequence < percept.sequence && other == object)?;
+        }
+        Ok(count)
+    }
+
+    /// Waits until no more than `left` observations have no answer. When the daemon has fallen silent, they will have none.
+    fn settle(&mut self, left: usize) -> Result<(), Failure> {
+        let mut quiet = Instant::now();
+        while self.pending.len() > left && !self.stop.load(Ordering::Relaxed) {
+            if self.drain()? > 0 {
+                quiet = Instant::now();
+            } else if quiet.elapsed() > SILENCE {
+                return self.give_up(|_, _| true);
+            } else if !self.producer.daemon_runs() {
+                return Err(Failure::Failed(format!(
+                    "the daemon has ended, and left {} observations without an answer",
+                    self.pending.len()
+                )));
+            } else {
+                self.subscriber.wait(Duration::from_millis(50))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Says which of the observations that wait will have no answer: those of which `is_lost(sequence, object)`.
+    fn give_up(&mut self, is_lost: impl Fn(u64, u64) -> bool) -> Result<(), Failure> {
+        let lost: Vec<u64> = self.pending.iter().filter(|(sequence, (_, object))| is_lost(**sequence, *object)).map(|(s, _)| *s).collect();
+        for (frame, object) in lost.iter().filter_map(|sequence| self.pending.remove(sequence)).collect::<Vec<_>>() {
+            self.counts[3] += 1;
+            say!(
+                "{frame}: object {object} was not answered: a newer frame of it came first, or there was no time; use a lower --rate, or none"
+            );
+        }
+        Ok(())
+    }
+}

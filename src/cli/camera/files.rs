@@ -1,0 +1,67 @@
+//! Grids into a folder: each as `.npy` with a `.json` that says where it lies.
+
+use super::sink::{Finish, Shown, Sink, place};
+use crate::cli::failure::{Failure, cannot_write};
+use beo_camera::Carver;
+use beo_camera::carve;
+use beo_core::grid::{Dims, Observation};
+use beo_ipc::ObservationHeader;
+use beo_shapes::write_npy_observation;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Grids into a folder.
+pub(super) struct Files {
+    folder: PathBuf,
+    written: u64,
+    voxels: Vec<u8>,
+}
+
+impl Files {
+    /// Nothing is written yet. The folder is made if it is not there.
+    pub(super) fn new(folder: &Path, dims: Dims) -> Result<Self, Failure> {
+        std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
+        Ok(Self { folder: folder.into(), written: 0, voxels: vec![0; dims.voxels()] })
+    }
+
+    /// What was written.
+    pub(super) fn finish(self) -> String {
+        format!("{} grids written to {}", self.written, self.folder.display())
+    }
+}
+
+impl Sink for Files {
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure> {
+        carve(carver, &mut self.voxels)?;
+        finish(&mut self.voxels)?;
+        let grid = &carver.grid;
+        let [x, y, z] = grid.dims();
+        let observation = Observation::from_bytes(Dims::new(x, y, z)?, &self.voxels)?;
+        let mut bytes = Vec::new();
+        write_npy_observation(&mut bytes, &observation)?;
+        let mut header = ObservationHeader::default();
+        place(&mut header, grid);
+        let beside = json!({
+            "frame": of.frame,
+            "object": carver.object,
+            "dims": grid.dims(),
+            "voxel_size_m": grid.voxel_size_m(),
+            "frame_id": of.frame_id,
+            "position_m": header.position_m,
+            "orientation": header.orientation,
+            "sensor_position_m": grid.camera().coords.as_slice(),
+            "fused": of.fused,
+        });
+        let stem = format!("{}-{}", of.frame, carver.object);
+        for (end, content) in [("npy", bytes), ("json", format!("{beside:#}\n").into_bytes())] {
+            let path = self.folder.join(format!("{stem}.{end}"));
+            std::fs::write(&path, content).map_err(cannot_write(&path))?;
+        }
+        self.written += 1;
+        Ok(())
+    }
+
+    fn frame_ended(&mut self) -> Result<(), Failure> {
+        Ok(())
+    }
+}

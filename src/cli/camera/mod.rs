@@ -1,0 +1,72 @@
+//! `beo camera`: a producer that carves the frames of a folder into grids, for a daemon or as files.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `arguments` | the arguments, and the options of grids and observations that they stand for |
+//! | `poses` | where the camera was, from a file |
+//! | `replay` | plays the frames and counts |
+//! | `sink` | where grids go |
+//! | `daemon`, `files` | grids into shared memory, and into a folder |
+
+mod arguments;
+mod daemon;
+mod files;
+mod poses;
+mod replay;
+mod sink;
+
+use crate::cli::failure::Failure;
+use crate::cli::observe::{first_status, seconds};
+use crate::cli::stop;
+use crate::frames::{FolderOptions, FrameFolder};
+use beo_core::grid::Dims;
+use beo_ipc::{Producer, Subscriber, SubscriberOptions};
+use std::time::Instant;
+
+pub use arguments::Camera;
+use daemon::Daemon;
+use files::Files;
+use poses::read_trajectory;
+use replay::Replay;
+
+/// Voxels along each side of grids that are written.
+const RESOLUTION: usize = 30;
+
+impl Camera {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        self.check()?;
+        let options = FolderOptions { metres_per_unit: self.depth_scale, camera_info: self.camera_info.clone() };
+        let frames = FrameFolder::open(&self.folder, options)?;
+        let poses = match &self.trajectory {
+            Some(path) => Some(read_trajectory(path, frames.count())?),
+            None => None,
+        };
+        let stop = stop::on_signal()?;
+        match &self.out {
+            Some(folder) => {
+                let dims = Dims::cube(self.resolution.unwrap_or(RESOLUTION)).map_err(|error| Failure::Usage(error.to_string()))?;
+                let mut files = Files::new(folder, dims)?;
+                let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
+                replay.play(&stop, &mut files)?;
+                say!("{}, {}", replay.summary(), files.finish());
+                replay.readable()
+            }
+            None => {
+                let wait = seconds(self.wait)?;
+                let deadline = Instant::now() + wait;
+                let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions::default(), wait)?;
+                let status = first_status(&subscriber, deadline)?;
+                let [x, y, z] = status.dims.map(|side| side as usize);
+                let dims = Dims::new(x, y, z)?;
+                let producer = Producer::open_within(&self.instance, &self.template(status.dims), wait)?;
+                let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
+                let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none());
+                replay.play(&stop, &mut daemon)?;
+                let answers = daemon.finish()?;
+                say!("{}, {answers}", replay.summary());
+                replay.readable()
+            }
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Plays the frames of a folder at their pace: each object of each frame goes to the sink as a grid, or ends as a line that says why not.
+
+use super::arguments::Camera;
+use super::sink::{Shown, Sink};
+use crate::cli::failure::Failure;
+use crate::frames::{CapturedFrame, FrameFolder, StampedPose};
+use beo_camera::{FrameGrids, FusedObjects, GridOptions, NoGrid, lay_grids};
+use beo_ipc::clock::monotonic_ns;
+use nalgebra::Isometry3;
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Plays the frames and counts.
+pub(super) struct Replay<'a> {
+    camera: &'a Camera,
+    folder: &'a FrameFolder,
+    poses: Option<Vec<StampedPose>>,
+    options: GridOptions,
+    fused: FusedObjects,
+    frames: u64,
+    unreadable: BTreeSet<usize>,
+    without_grid: u64,
+}
+
+impl<'a> Replay<'a> {
+    pub(super) fn new(camera: &'a Camera, folder: &'a FrameFolder, poses: Option<Vec<StampedPose>>, options: GridOptions) -> Self {
+        let (fused, unreadable) = (FusedObjects::default(), BTreeSet::new());
+        Self { camera, folder, poses, options, fused, frames: 0, unreadable, without_grid: 0 }
+    }
+
+    pub(super) fn play(&mut self, stop: &AtomicBool, sink: &mut impl Sink) -> Result<(), Failure> {
+        let all = self.folder.count();
+        let count = match (self.camera.without_end, self.camera.count) {
+            (true, _) => u64::MAX,
+            // A frame adds nothing to itself.
+            (false, Some(count)) if !self.camera.fuse => count,
+            (false, count) => count.unwrap_or(u64::MAX).min(all as u64),
+        };
+        let mut due = Instant::now();
+        for number in 0..count {
+            let index = (number % all as u64) as usize;
+            if stop.load(Ordering::Relaxed) || self.unreadable.len() == all {
+                break;
+            }
+            if self.unreadable.contains(&index) {
+                continue;
+            }
+            let captured = match self.folder.read(index) {
+                Ok(captured) => captured,
+                Err(error) => {
+                    say!("{}: skipped: {error}", self.folder.name(index));
+                    self.unreadable.insert(index);
+                    continue;
+                }
+            };
+            if let Some(rate) = self.camera.rate {
+                due = wait_until(due, stop) + Duration::from_secs_f64(1.0 / rate);
+            }
+            self.frame(&captured, index, sink)?;
+            sink.frame_ended()?;
+            self.frames += 1;
+        }
+        Ok(())
+    }
+
+    fn frame(&mut self, captured: &CapturedFrame, index: usize, sink: &mut impl Sink) -> Result<(), Failure> {
+        let pose = self.poses.as_ref().map(|poses| poses[index]);
+        let camera_to_world = pose.map(|pose| pose.camera_to_world).or(captured.camera_to_world);
+        let now_ns = || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+        let shown = Shown {
+            frame: captured.name(),
+            frame_id: self.camera.frame_id.as_deref().or(captured.frame_id.as_deref()).unwrap_or("camera"),
+            captured_ns: monotonic_ns(),
+            stamp_ns: pose.map_or_else(now_ns, |pose| pose.stamp_ns),
+            fused: self.camera.fuse,
+        };
+        let grids = self.lay(captured, camera_to_world)?;
+        for laid in &grids.objects {
+            match &laid.carver {
+                Ok(carver) if self.camera.fuse => {
+                    sink.take(&shown, carver, &mut |voxels| Ok(self.fused.fuse(carver.object, voxels)?))?;
+                }
+                Ok(carver) => sink.take(&shown, carver, &mut |_| Ok(()))?,
+                Err(reason) => self.say_why_not(captured.name(), reason)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn lay<'f>(&mut self, captured: &'f CapturedFrame, camera_to_world: Option<Isometry3<f64>>) -> Result<FrameGrids<'f>, Failure> {
+        if !self.camera.fuse {
+            return Ok(lay_grids(captured.frame(), &self.options));
+        }
+        let place = camera_to_world.ok_or_else(|| {
+            Failure::Failed(format!("--fuse: it is not known where the camera was in frame {}: give --trajectory", captured.name()))
+        })?;
+        Ok(self.fused.lay_grids(captured.frame(), &place, &self.options)?)
+    }
+
+    fn say_why_not(&mut self, frame: &str, reason: &NoGrid) -> Result<(), Failure> {
+        self.without_grid += 1;
+        say!("{frame}: no grid: {reason}");
+        Ok(())
+    }
+
+    pub(super) fn summary(&self) -> String {
+        let unreadable = match self.unreadable.len() {
+            0 => String::new(),
+            n => format!(" ({n} skipped)"),
+        };
+        format!("{} frames{unreadable}, {} objects without a grid", self.frames, self.without_grid)
+    }
+
+    pub(super) fn readable(&self) -> Result<(), Failure> {
+        match self.frames {
+            0 if !self.unreadable.is_empty() => Err(Failure::Failed(format!("no frame of {} can be read", self.camera.folder.display()))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Waits for a time; gives that time, or now if it was missed.
+fn wait_until(due: Instant, stop: &AtomicBool) -> Instant {
+    while let Some(rest) = due.checked_duration_since(Instant::now()) {
+        if rest.is_zero() || stop.load(Ordering::Relaxed) {
+            return due;
+        }
+        std::thread::sleep(rest.min(Duration::from_millis(50)));
+    }
+    Instant::now()
+}

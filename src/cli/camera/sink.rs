@@ -1,0 +1,37 @@
+//! Where grids go: the interface between the replay, which lays them, and the daemon or the folder that takes them.
+
+use crate::cli::failure::Failure;
+use beo_camera::{Carver, Grid};
+use beo_ipc::ObservationHeader;
+
+/// What happens to a grid that was laid.
+pub(super) trait Sink {
+    /// Carves it into its place, lets `finish` change it, and passes it on.
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure>;
+    /// All objects of a frame were taken.
+    fn frame_ended(&mut self) -> Result<(), Failure>;
+}
+
+/// Adds what other frames know of the object.
+pub(super) type Finish<'a> = dyn FnMut(&mut [u8]) -> Result<(), Failure> + 'a;
+
+/// What is said of a frame besides its grids.
+pub(super) struct Shown<'a> {
+    pub(super) frame: &'a str,
+    pub(super) frame_id: &'a str,
+    /// When it was at hand, CLOCK_MONOTONIC.
+    pub(super) captured_ns: u64,
+    /// The sensor's own time.
+    pub(super) stamp_ns: u64,
+    /// Several views are one grid.
+    pub(super) fused: bool,
+}
+
+/// Says where the grid lies in the camera frame.
+pub(super) fn place(header: &mut ObservationHeader, grid: &Grid) {
+    let motion = grid.grid_to_camera();
+    header.position_m = motion.translation.vector.into();
+    header.orientation = motion.rotation.coords.into();
+    header.voxel_size_m = grid.voxel_size_m() as f32;
+    header.sensor_position_m = grid.camera().coords.map(|metres| metres as f32).into();
+}

@@ -1,0 +1,150 @@
+//! NumPy arrays of rows × columns as images: floating-point metres, whole numbers of units, labels or masks.
+
+use super::image::{MOST_PIXELS, problem};
+use super::{Image, Raster};
+use beo_shapes::{FormatError, check_npy_header};
+use npyz::{Deserialize, NpyFile, NpyHeader, Order, TypeChar};
+
+const FORMAT: &str = "npy";
+const EXPECTED: &str = "two axes, rows and columns";
+
+fn error(text: impl ToString) -> FormatError {
+    problem(FORMAT, text.to_string())
+}
+
+/// Reads a two-dimensional array of bool, whole numbers from 0 to 65535 of whatever width, float32 or float64.
+///
+/// # Errors
+/// [`FormatError`]: another type or shape, data that do not fit, numbers outside of that range.
+pub fn parse_npy_image(bytes: &[u8]) -> Result<Raster, FormatError> {
+    check_npy_header(bytes, 2, EXPECTED).map_err(error)?;
+    let mut data = bytes;
+    let header = NpyHeader::from_reader(&mut data).map_err(error)?;
+    let &[rows, columns] = header.shape() else {
+        return Err(error(format!("the array has shape {:?}: expected {EXPECTED}", header.shape())));
+    };
+    let pixels = rows.saturating_mul(columns);
+    if pixels == 0 || pixels > MOST_PIXELS as u64 {
+        return Err(error(format!("{columns} × {rows} pixels: expected 1 to {MOST_PIXELS}")));
+    }
+    let npyz::DType::Plain(dtype) = header.dtype() else {
+        return Err(error(format!("type {}: expected a plain array", header.dtype().descr())));
+    };
+    let width = dtype.size_field();
+    if data.len() as u64 != pixels.saturating_mul(width) {
+        return Err(error(format!("{} bytes of data for {columns} × {rows} pixels of {width} bytes each", data.len())));
+    }
+    let size = [columns as u32, rows as u32];
+    let array = Array { header, data, size };
+    match (dtype.type_char(), width) {
+        (TypeChar::Bool, 1) => Ok(Raster::Bytes(array.read(|value: bool| Some(u8::from(value)))?)),
+        (TypeChar::Uint, 1) => Ok(Raster::Bytes(array.read(Some)?)),
+        (TypeChar::Uint, 2) => Ok(Raster::Words(array.read(Some)?)),
+        (TypeChar::Uint, 4) => Ok(Raster::Words(array.read(|value: u32| u16::try_from(value).ok())?)),
+        (TypeChar::Uint, 8) => Ok(Raster::Words(array.read(|value: u64| u16::try_from(value).ok())?)),
+        (TypeChar::Int, 1) => Ok(Raster::Bytes(array.read(|value: i8| u8::try_from(value).ok())?)),
+        (TypeChar::Int, 2) => Ok(Raster::Words(array.read(|value: i16| u16::try_from(value).ok())?)),
+        (TypeChar::Int, 4) => Ok(Raster::Words(array.read(|value: i32| u16::try_from(value).ok())?)),
+        (TypeChar::Int, 8) => Ok(Raster::Words(array.read(|value: i64| u16::try_from(value).ok())?)),
+        (TypeChar::Float, 4) => Ok(Raster::Floats(array.read(Some)?)),
+        (TypeChar::Float, 8) => Ok(Raster::Floats(array.read(|value: f64| Some(value as f32))?)),
+        _ => Err(error(format!("type {}: expected float32, float64, whole numbers or bool", array.header.dtype().descr()))),
+    }
+}
+
+struct Array<'a> {
+    header: NpyHeader,
+    data: &'a [u8],
+    /// Columns, rows.
+    size: [u32; 2],
+}
+
+impl Array<'_> {
+    /// Row by row, whatever the order in the file.
+    fn read<T: Deserialize, U: Copy>(&self, convert: impl Fn(T) -> Option<U>) -> Result<Image<U>, FormatError> {
+        let [width, height] = self.size;
+        let (columns, rows) = (width as usize, height as usize);
+        let place = |index: usize| match self.header.order() {
+            Order::C => (index / columns, index % columns),
+            Order::Fortran => (index % rows, index / rows),
+        };
+        let values = NpyFile::with_header(self.header.clone(), self.data).data::<T>().map_err(error)?;
+        let mut stored = Vec::with_capacity(columns * rows);
+        for (index, value) in values.enumerate() {
+            let outside = || {
+                let (row, column) = place(index);
+                error(format!("the value of row {row}, column {column} is not within 0 to 65535"))
+            };
+            stored.push(convert(value.map_err(error)?).ok_or_else(outside)?);
+        }
+        if self.header.order() == Order::Fortran && stored.len() == columns * rows {
+            stored = (0..columns * rows).map(|pixel| stored[pixel % columns * rows + pixel / columns]).collect();
+        }
+        Image::new(width, height, stored).ok_or_else(|| error("fewer values than its header says"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn file(descr: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}\n");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    #[test]
+    fn every_type_and_order_gives_the_same_image() {
+        let values = [0_u8, 1, 2, 3, 4, 5];
+        let words = Raster::Words(Image::new(3, 2, vec![0, 1, 2, 3, 4, 5]).unwrap());
+        let bytes = Raster::Bytes(Image::new(3, 2, values.to_vec()).unwrap());
+        let floats = Raster::Floats(Image::new(3, 2, vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0]).unwrap());
+        for (descr, data, expected) in [
+            ("|u1", values.to_vec(), &bytes),
+            ("|i1", values.to_vec(), &bytes),
+            ("<u2", values.iter().flat_map(|v| u16::from(*v).to_le_bytes()).collect(), &words),
+            (">u2", values.iter().flat_map(|v| u16::from(*v).to_be_bytes()).collect(), &words),
+            ("<i4", values.iter().flat_map(|v| i32::from(*v).to_le_bytes()).collect(), &words),
+            ("<i8", values.iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect(), &words),
+            ("<u8", values.iter().flat_map(|v| u64::from(*v).to_le_bytes()).collect(), &words),
+            ("<f4", values.iter().flat_map(|v| f32::from(*v).to_le_bytes()).collect(), &floats),
+            (">f4", values.iter().flat_map(|v| f32::from(*v).to_be_bytes()).collect(), &floats),
+            ("<f8", values.iter().flat_map(|v| f64::from(*v).to_le_bytes()).collect(), &floats),
+        ] {
+            assert_eq!(parse_npy_image(&file(descr, "False", "(2, 3)", &data)).as_ref(), Ok(expected), "{descr}");
+        }
+        // numpy.asfortranarray([[0, 1, 2], [3, 4, 5]]) is stored column by column.
+        assert_eq!(parse_npy_image(&file("|u1", "True", "(2, 3)", &[0, 3, 1, 4, 2, 5])).unwrap(), bytes);
+        let mask = parse_npy_image(&file("|b1", "False", "(1, 2)", &[0, 1])).unwrap();
+        assert_eq!(mask.into_labels().unwrap().values(), [0, 1]);
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused_with_the_reason() {
+        let message = |bytes: &[u8]| parse_npy_image(bytes).unwrap_err().to_string();
+        assert!(message(&file("<f4", "False", "(2, 3, 1)", &[0; 24])).contains("two axes, rows and columns"));
+        assert!(message(&file("<f4", "False", "(2, 3)", &[0; 20])).contains("20 bytes of data for 3 × 2 pixels of 4"));
+        assert!(message(&file("<f4", "False", "(999999, 999999)", &[])).contains("expected 1 to"));
+        assert!(message(&file("<f4", "False", "(0, 3)", &[])).contains("expected 1 to"));
+        assert!(message(&file("<f2", "False", "(2, 3)", &[0; 12])).contains("expected float32"));
+        assert!(message(&file("<c8", "False", "(1, 1)", &[0; 8])).contains("expected float32"));
+        assert!(message(&file("<i4", "False", "(1, 2)", &[0, 0, 0, 0, 0, 0, 1, 0])).contains("row 0, column 1 is not within"));
+        assert!(message(&file("|i1", "True", "(2, 2)", &[0, 0, 255, 0])).contains("row 0, column 1 is not within"));
+        assert!(message(b"\x93NUMPY").contains("truncated"));
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_files_do_not_panic(at in 0..90_usize, byte in any::<u8>(), descr in "[|<>=]?[a-zA-Z][0-9]{0,3}") {
+            let mut bytes = file(&descr, "False", "(3, 4)", &[1; 48]);
+            bytes[at] = byte;
+            let _ = parse_npy_image(&bytes);
+            let _ = parse_npy_image(&bytes[..at]);
+        }
+    }
+}
