@@ -354,7 +354,7 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
     let objects: Vec<_> = library.files.par_iter().map(read).collect();
 
     let mut loaded =
-        Shapes { set: ShapeSet { classes: library.classes.clone(), shapes: Vec::new() }, skipped: Vec::new(), shared: Vec::new() };
+        Shapes { set: ShapeSet { classes: library.classes.clone(), ..ShapeSet::default() }, skipped: Vec::new(), shared: Vec::new() };
     // The first shape of each class that has given voxels.
     let mut seen: HashMap<Occupancy, Vec<usize>> = HashMap::new();
     for (file, object) in library.files.iter().zip(objects) {

@@ -1,6 +1,7 @@
 //! The training driver: one fit on all shapes, and fits on folds from whose held-out objects the calibration is learned.
 
-use super::camera_density::{LeftOut, camera_densities};
+use super::camera_density::{LeftOut, Views, camera_densities};
+use super::camera_views::ClassShapes;
 use super::fit::{Data, Fit, Pass};
 use super::held_out::{HeldOut, calibrate};
 use super::hull_density::HullMoments;
@@ -11,6 +12,7 @@ use crate::grid::{Dims, Occupancy, Shrinking, View};
 use crate::linear::LinearError;
 use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Settings, levels_of};
 use crate::perception::ClassSubspace;
+use crate::simulation::Sensing;
 use faer::Mat;
 use rayon::prelude::*;
 
@@ -24,6 +26,10 @@ pub struct TrainOptions {
     pub views: Vec<View>,
     /// Elevations of the cameras to be met, degrees above the horizontal, ascending: densities of what they see are learned; none for none.
     pub camera_elevations_deg: Vec<f64>,
+    /// What sensors and masks get wrong in the cameras' views.
+    pub sensing: Sensing,
+    /// Whether the resting poses of the shapes are learned for cameras; else all stand upright.
+    pub lying: bool,
     /// Share of the variance that sizes a class basis.
     pub variance_share: f64,
     /// Least and most components of a class basis.
@@ -49,6 +55,8 @@ impl Default for TrainOptions {
         Self {
             views: vec![View::Top],
             camera_elevations_deg: Vec::new(),
+            sensing: Sensing::Mild,
+            lying: false,
             variance_share: 0.6,
             basis_range: [30, 70],
             seed: 0,
@@ -138,8 +146,14 @@ pub fn train(shapes: &ShapeSet, options: &TrainOptions, progress: &(dyn Fn(Step)
     }
     // Cameras are searched where poses are.
     let elevations = if smaller.is_empty() && options.poses { options.camera_elevations_deg.clone() } else { Vec::new() };
+    let mut data = Data::new(dims, classes);
+    if let Some(lengths) = shapes.lengths_m.as_ref().filter(|lengths| lengths.len() == shapes.shapes.len()) {
+        let mut of_class = vec![Vec::new(); shapes.classes.len()];
+        shapes.shapes.iter().zip(lengths).for_each(|(shape, lengths)| of_class[shape.class].push(*lengths));
+        data.lengths_m = Some(of_class);
+    }
     let model = learn(
-        &Data::new(dims, classes),
+        &data,
         &shapes.classes,
         &TrainOptions { camera_elevations_deg: elevations, ..options.clone() },
         progress,
@@ -215,18 +229,21 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
     if cameras {
         step("learning what cameras see", folds.len() + 3);
         let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
-        let of = |chosen: &dyn Fn(usize) -> Vec<usize>| -> Vec<Vec<&Occupancy>> {
-            (0..data.classes.len()).map(|s| chosen(s).into_iter().map(|i| data.classes[s][i]).collect()).collect()
-        };
-        let fold = &folds[0];
         let (subspaces, noise) = first.take().unwrap_or_default();
+        let mut held = vec![Vec::new(); data.classes.len()];
+        folds[0].held.iter().for_each(|(class, shape)| held[*class].push(*shape));
         let left_out = LeftOut {
-            kept: of(&|s| fold.kept[s].clone()),
-            held: of(&|s| fold.held.iter().filter(|(class, _)| *class == s).map(|(_, i)| *i).collect()),
+            held: &held,
             subspaces,
             noise: noise * calibration.noise_inflation,
+            evidence_weight: calibration.evidence.evidence.max(1e-9),
+            dims: data.dims,
         };
-        let learned = camera_densities(&data.classes, &left_out, &elevations, options.seed)?;
+        let lengths = |class: usize| data.lengths_m.as_ref().map(|lengths| &lengths[class][..]);
+        let shapes: Vec<ClassShapes<'_>> =
+            data.classes.iter().enumerate().map(|(s, objects)| ClassShapes { objects, lengths_m: lengths(s) }).collect();
+        let views = Views { elevations: &elevations, sensing: options.sensing, lying: options.lying, seed: options.seed };
+        let learned = camera_densities(&shapes, &left_out, &views)?;
         calibration.camera = Some(learned.calibration);
         camera = Some(learned.densities);
     }
@@ -253,7 +270,11 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
             ..class.model
         });
     }
+    // Upright objects of one kind need no word, so that older programs read such a model.
+    let components = camera.as_ref().map_or(Vec::new(), |camera| camera.components.clone());
+    let plain = components.iter().all(|component| component.is_upright() && component.size.is_none());
     let metadata = Metadata {
+        camera_components: if plain { Vec::new() } else { components },
         format_version: FORMAT_VERSION,
         beo_version: env!("CARGO_PKG_VERSION").into(),
         licence: options.licence.clone(),
@@ -291,7 +312,7 @@ mod tests {
             let dims = Dims::cube(side).unwrap();
             let object = |seed| furniture::make("chair", dims, seed).unwrap();
             let shapes = (0..6).map(|n| Shape { object: object(n), class: 0, file: n.to_string() }).collect();
-            let shapes = ShapeSet { classes: vec!["chair".into()], shapes };
+            let shapes = ShapeSet { classes: vec!["chair".into()], shapes, ..ShapeSet::default() };
             let mut answers = Vec::new();
             for poses in [true, false] {
                 let model = train(&shapes, &TrainOptions { poses, ..TrainOptions::default() }, &|_| {}).unwrap();

@@ -5,6 +5,7 @@
 
 mod basis;
 mod camera_density;
+mod component;
 mod file;
 mod first_touch;
 mod footprint;
@@ -13,6 +14,7 @@ mod metadata;
 mod view_density;
 
 pub use basis::Basis;
+pub use component::{Component, SizeDensity};
 pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, OFFSETS, YAWS};
 pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
 pub use first_touch::Damaged;

@@ -314,7 +314,7 @@ impl Perceiver {
         let m = self.model.classes.len();
         percept.informed = !work.known.filled.is_empty();
         percept.rotation = Rotation::identity();
-        (percept.placed, percept.lay) = (Placed::default(), None);
+        (percept.placed, percept.lay, percept.resting_pose) = (Placed::default(), None, None);
         for scores in [&mut percept.scores, &mut percept.posterior, &mut percept.log_evidence] {
             scores.clear();
         }

@@ -8,7 +8,7 @@
 //! those that were observed, so that log evidence relative to the background, times scale³, speaks of the same data whatever the scale.
 
 use super::blend::softmax;
-use super::camera::{Cell, Placement, Told, ViewFrame, refine};
+use super::camera::{Cell, Told, ViewFrame, refine, start};
 use super::known::Known;
 use super::perceiver::{PerceiveError, Perceiver, Workspace, most_probable};
 use super::percept::{Lay, ScaleSearch};
@@ -16,7 +16,7 @@ use super::pose::posterior::Sample;
 use super::posing::{MODE_RADIUS, background};
 use super::subspace::{ClassSubspace, Conditional};
 use super::{Method, Percept, PoseSearch, Query};
-use crate::grid::{Observation, Outside, Placed, Turn, yaw};
+use crate::grid::{Observation, Outside, Placed, Rotation, Turn, yaw};
 use crate::linear::LinearError;
 use crate::model::{CameraDensities, OFFSETS, YAWS};
 use nalgebra::Vector3;
@@ -79,9 +79,9 @@ impl Perceiver {
         work.samples.clear();
         work.samples.extend(work.view.cells.iter().filter_map(|cell| {
             let angle = (frame.azimuth + cell.yaw()).rem_euclid(TAU);
-            let rotation = if query.pose == PoseSearch::Known { percept.rotation } else { yaw(angle) };
+            let rotation = if query.pose == PoseSearch::Known { percept.rotation } else { yaw(angle) * cell.resting };
             let allowed = query.pose == PoseSearch::Known || span > TAU - 1e-9 || angle < span;
-            let log_density = pose_weight * cell.score + prior(&rotation);
+            let log_density = cell.log_weight(pose_weight) + prior(&rotation);
             allowed.then_some(Sample { rotation, class: cell.class, log_density, share: 1.0 / YAWS as f64 })
         }));
         percept.scores.clear();
@@ -115,11 +115,12 @@ impl Perceiver {
     fn told(&self, query: &Query, frame: &ViewFrame) -> Told {
         let (_, scale, place) = frame.seen(&Placed::default());
         let yaw = (query.pose == PoseSearch::Known).then_some(-frame.azimuth);
+        let upright = !query.lying || yaw.is_some();
         match query.scale {
-            ScaleSearch::Known => Told { yaw, scale: Some(scale), place: Some(place) },
+            ScaleSearch::Known => Told { upright, yaw, scale: Some(scale), place: Some(place) },
             ScaleSearch::Search { side } => {
                 let longest = self.model.metadata.settings.longest_side as f64;
-                Told { yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
+                Told { upright, yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
             }
         }
     }
@@ -139,6 +140,12 @@ impl Perceiver {
             && query.camera.is_some()
         {
             cameras.score(densities, frame, &work.seen, told, &work.wanted, &mut work.view);
+            if let (Some(weight), Some(voxel_m)) = (camera.size_weight, query.voxel_size_m) {
+                for cell in &mut work.view.cells {
+                    let size = densities.components[cell.component].size;
+                    cell.log_prior += size.map_or(0.0, |size| weight * cell.log_size(&size, voxel_m * frame.unit));
+                }
+            }
             return Ok((camera.pose_weight, (camera.blend.hull, &camera.blend.offsets)));
         }
         let blend = &calibration.evidence;
@@ -151,7 +158,8 @@ impl Perceiver {
                 let mut offsets = expected;
                 offsets[0] = angle - CameraDensities::yaw(step);
                 let mut evidence = PlacedEvidence::new(seen, query.outside, self.noise);
-                let cell = Cell { class: 0, step, score: 0.0, offsets, deviations: UNSURE };
+                let resting = Rotation::identity();
+                let cell = Cell { class: 0, component: 0, resting, log_prior: 0.0, step, score: 0.0, offsets, deviations: UNSURE };
                 let placed = frame.placed(*angle, cell.scale(), &cell.place());
                 evidence.place(&placed);
                 let mut cells = Vec::new();
@@ -202,11 +210,13 @@ impl Perceiver {
     /// The likely modes of a class: its best cells, apart from each other, the best first.
     fn modes<'w>(&self, class: usize, pose_weight: f64, cells: &'w [Cell], most: usize) -> Vec<&'w Cell> {
         let mut order: Vec<&Cell> = cells.iter().filter(|cell| cell.class == class && cell.score.is_finite()).collect();
-        order.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.step.cmp(&b.step)));
+        let weight = |cell: &Cell| cell.log_weight(pose_weight);
+        order.sort_by(|a, b| weight(b).total_cmp(&weight(a)).then((a.component, a.step).cmp(&(b.component, b.step))));
         let mut modes: Vec<&Cell> = Vec::new();
         for cell in order {
-            let apart = modes.iter().all(|mode| super::camera::wrapped(mode.yaw() - cell.yaw()).abs() > 2.0 * MODE_RADIUS);
-            let hopeless = modes.first().is_some_and(|best| pose_weight * (best.score - cell.score) > HOPELESS);
+            let turned = |cell: &Cell| yaw(cell.yaw()) * cell.resting;
+            let apart = modes.iter().all(|mode| turned(mode).angle_to(&turned(cell)) > 2.0 * MODE_RADIUS);
+            let hopeless = modes.first().is_some_and(|best| weight(best) - weight(cell) > HOPELESS);
             if modes.len() < most && apart && !hopeless {
                 modes.push(cell);
             }
@@ -226,7 +236,7 @@ impl Perceiver {
     ) -> Result<Vec<Mode>, LinearError> {
         // Where all is told there is nothing to refine, and a class costs no more than its evidence.
         let (least, most) = match told {
-            Told { yaw: Some(_), scale: Some(_), place: Some(_) } => (1e-4, posterior.len()),
+            Told { yaw: Some(_), scale: Some(_), place: Some(_), .. } => (1e-4, posterior.len()),
             _ => (LEAST_LIKELY, MOST_LIKELY),
         };
         let mut likely: Vec<usize> = (0..posterior.len()).filter(|class| posterior[*class] >= least).collect();
@@ -245,12 +255,12 @@ impl Perceiver {
                 let mut conditional = Conditional::new(class.size());
                 let start = start(cell, told);
                 let refined = refine(&start, |at| {
-                    let placed = frame.placed(at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
+                    let placed = cell.placed(frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
                     evidence.place(&placed);
                     Ok::<_, LinearError>(weight * evidence.of(class, placed.scale, &mut conditional)?)
                 })?;
                 let log_evidence = (refined.value - start.log_density(&refined.parameters)) / weight;
-                Ok(Mode { cell: **cell, value: refined.value + pose_weight * cell.score, refined, log_evidence })
+                Ok(Mode { cell: **cell, value: refined.value + cell.log_weight(pose_weight), refined, log_evidence })
             })
             .collect::<Result<_, LinearError>>()?;
         let best_of = |class: &usize| {
@@ -267,14 +277,15 @@ impl Perceiver {
         let [angle, log_scale, x, y, z] = best.parameters;
         percept.placed = match query.scale {
             ScaleSearch::Known => {
-                Placed::turned(if query.pose == PoseSearch::Known { percept.rotation } else { yaw(frame.azimuth + angle) })
+                Placed::turned(if query.pose == PoseSearch::Known { percept.rotation } else { yaw(frame.azimuth + angle) * cell.resting })
             }
             ScaleSearch::Search { .. } => {
-                let placed = frame.placed(angle, log_scale.exp(), &Vector3::new(x, y, z));
+                let placed = cell.placed(frame, angle, log_scale.exp(), &Vector3::new(x, y, z));
                 if query.pose == PoseSearch::Known { Placed { rotation: percept.rotation, ..placed } } else { placed }
             }
         };
         percept.rotation = percept.placed.rotation;
+        percept.resting_pose = query.lying.then_some(cell.component);
         // The hypothesis that was refined says so.
         let near = percept.hypotheses.iter_mut().filter(|h| h.class == class);
         if let Some(nearest) = near.min_by(|a, b| a.rotation.angle_to(&percept.rotation).total_cmp(&b.rotation.angle_to(&percept.rotation)))
@@ -333,22 +344,6 @@ fn steps(told: &Told) -> Vec<f64> {
         Some(yaw) => vec![yaw],
         None => (0..YAWS).map(CameraDensities::yaw).collect(),
     }
-}
-
-/// Where the search of a cell begins: what is told has no deviation.
-fn start(cell: &Cell, told: &Told) -> Placement {
-    let (place, scale) = (cell.place(), cell.scale());
-    let mut start = Placement {
-        expected: [cell.yaw(), scale.ln(), place.x, place.y, place.z],
-        deviations: std::array::from_fn(|axis| cell.deviations[axis]),
-    };
-    let told = [told.yaw, told.scale.map(f64::ln), told.place.map(|p| p.x), told.place.map(|p| p.y), told.place.map(|p| p.z)];
-    for (axis, value) in told.into_iter().enumerate() {
-        if let Some(value) = value {
-            (start.expected[axis], start.deviations[axis]) = (value, 0.0);
-        }
-    }
-    start
 }
 
 #[cfg(test)]
@@ -438,18 +433,6 @@ mod tests {
         let without = Query { method: Method::Evidence, ..query(0.3, PoseSearch::YAW, SEARCH) };
         let found = ask(&seen, &without);
         assert!(found.placed.scale.ln().abs() < 0.25 && found.placed.shift.norm() < 3.0, "{:?}", found.placed);
-    }
-
-    #[test]
-    fn what_is_told_is_not_searched() {
-        let cell = Cell { class: 0, step: 6, score: 0.0, offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0], deviations: [0.5; OFFSETS] };
-        let free = start(&cell, &Told::default());
-        assert!((free.expected[0] - (CameraDensities::yaw(6) + 0.1)).abs() < 1e-12);
-        let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
-        assert!(same(&free.expected[1..], &[-0.2, 1.0, 2.0, 3.0]) && free.deviations == [0.5; 5]);
-        let told = Told { yaw: Some(1.0), scale: Some(1.0), place: None };
-        let some = start(&cell, &told);
-        assert_eq!((some.expected, some.deviations), ([1.0, 0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.5, 0.5, 0.5]));
     }
 
     #[test]

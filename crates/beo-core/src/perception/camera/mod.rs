@@ -10,6 +10,6 @@ mod scores;
 mod search;
 mod view_frame;
 
-pub(crate) use scores::{CameraScores, Cell, Shadow, Told, ViewWork, wrapped};
-pub(crate) use search::{Placement, Refined, refine};
+pub(crate) use scores::{CameraScores, Cell, Shadow, Told, ViewWork};
+pub(crate) use search::{Refined, refine, start};
 pub(crate) use view_frame::{CELLS, SEEN, ShadowImage, ViewFrame};

@@ -3,10 +3,13 @@
 //! Features z of the shadow in the view's frame have a Gaussian for each class, step of yaw and learned elevation; how exactly the object lies (the
 //! offsets δ) has a Gaussian given z. What is told of the pose, the size or the place is scored as an observation of δ:
 //! log p(z, δ) = log N(z) + log N(δ | z). As z is the same data for all of them, this is a likelihood over class, yaw, size and place.
+//!
+//! A class is a mixture of components (kinds of size in resting poses), each with densities of its own. Where lengths are metric, the log
+//! density of a component's true size at the lengths that a cell expects is a further term.
 
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
-use crate::grid::Observation;
-use crate::model::{CameraDensities, OFFSETS, YAWS};
+use crate::grid::{Observation, Placed, Rotation};
+use crate::model::{CameraDensities, Component, OFFSETS, SizeDensity, YAWS};
 use crate::perception::density::dot;
 use half::slice::HalfFloatSliceExt;
 use nalgebra::Vector3;
@@ -18,6 +21,8 @@ const REACH: f64 = 1.5;
 /// What is known already, in the view's frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Told {
+    /// The object stands as it does canonically.
+    pub upright: bool,
     /// The object's yaw, radians.
     pub yaw: Option<f64>,
     /// Units per voxel of the canonical grid.
@@ -26,11 +31,17 @@ pub struct Told {
     pub place: Option<Vector3<f64>>,
 }
 
-/// One class at one step of yaw.
+/// One component of a class at one step of yaw.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
     /// The class.
     pub class: usize,
+    /// The component.
+    pub component: usize,
+    /// How it rests: object axes to axes with z up.
+    pub resting: Rotation,
+    /// Log probability of the component in its class, and what the true size adds to it.
+    pub log_prior: f64,
     /// The step of yaw.
     pub step: usize,
     /// Log density, up to a constant.
@@ -50,6 +61,24 @@ impl Cell {
     /// The expected scale: units per voxel of the canonical grid.
     pub fn scale(&self) -> f64 {
         self.offsets[1].exp()
+    }
+
+    /// How an object of this component lies in a grid when turned by `angle` in the view's frame: see [`ViewFrame::placed`].
+    pub fn placed(&self, frame: &ViewFrame, angle: f64, scale: f64, place: &Vector3<f64>) -> Placed {
+        let upright = frame.placed(angle, scale, place);
+        Placed { rotation: upright.rotation * self.resting, ..upright }
+    }
+
+    /// Log weight in the posterior over class and pose, up to a constant: `pose_weight` times the score, and the prior.
+    pub fn log_weight(&self, pose_weight: f64) -> f64 {
+        pose_weight * self.score + self.log_prior
+    }
+
+    /// Log density of a true size at the lengths that are expected; a unit measures `unit_m` metres.
+    pub fn log_size(&self, size: &SizeDensity, unit_m: f64) -> f64 {
+        let units: [f64; 3] = std::array::from_fn(|axis| self.offsets[OFFSETS - 3 + axis].max(0.1));
+        let relative = std::array::from_fn(|axis| (self.deviations[OFFSETS - 3 + axis] / units[axis]).min(1.0));
+        size.log_density(units.map(|length| length * unit_m), relative)
     }
 
     /// The expected place of the canonical grid's centre, units.
@@ -124,7 +153,7 @@ impl CameraScores {
     ) {
         let ViewWork { shadow, features, mean, whitening, regression, cells, .. } = work;
         self.features(frame, observation, shadow, features);
-        let (p, m) = (self.size, wanted.len());
+        let (p, m) = (self.size, densities.components.len());
         let triangle = p * (p + 1) / 2;
         mean.resize(p, 0.0);
         whitening.resize(triangle, 0.0);
@@ -136,10 +165,21 @@ impl CameraScores {
             if rest.is_some_and(|rest| rest.abs() > REACH * TAU / YAWS as f64) {
                 continue;
             }
-            for class in (0..m).filter(|class| wanted[*class]) {
-                let mut cell = Cell { class, step, score: f64::NEG_INFINITY, offsets: [0.0; OFFSETS], deviations: [0.0; OFFSETS] };
+            let is_wanted = |component: &Component| wanted[component.class] && (!told.upright || component.is_upright());
+            for (component, of) in densities.components.iter().enumerate().filter(|(_, of)| is_wanted(of)) {
+                let class = of.class;
+                let mut cell = Cell {
+                    class,
+                    component,
+                    resting: of.rotation(),
+                    log_prior: of.probability.ln(),
+                    step,
+                    score: f64::NEG_INFINITY,
+                    offsets: [0.0; OFFSETS],
+                    deviations: [0.0; OFFSETS],
+                };
                 for (elevation, share) in elevations.into_iter().filter(|(_, share)| *share > 0.0) {
-                    let place = densities.place(elevation, step, class, m);
+                    let place = densities.place(elevation, step, component, m);
                     densities.means[place * p..(place + 1) * p].convert_to_f32_slice(mean);
                     densities.whitening[place * triangle..(place + 1) * triangle].convert_to_f32_slice(whitening);
                     densities.regression[place * OFFSETS * p..(place + 1) * OFFSETS * p].convert_to_f32_slice(regression);

@@ -1,6 +1,8 @@
 //! How an upright object lies in what a camera sees, refined: yaw, size and place, coarse to fine along one axis after the other, from
 //! where the view's density expects it.
 
+use super::scores::{Cell, Told};
+
 /// Yaw (radians), logarithm of the scale (units per voxel), place x, y, z (units), all in the view's frame.
 pub type Parameters = [f64; 5];
 
@@ -39,6 +41,22 @@ pub struct Refined {
     pub deviations: Parameters,
     /// The log density there.
     pub value: f64,
+}
+
+/// Where the search of a cell begins: what is told has no deviation.
+pub fn start(cell: &Cell, told: &Told) -> Placement {
+    let (place, scale) = (cell.place(), cell.scale());
+    let mut start = Placement {
+        expected: [cell.yaw(), scale.ln(), place.x, place.y, place.z],
+        deviations: std::array::from_fn(|axis| cell.deviations[axis]),
+    };
+    let told = [told.yaw, told.scale.map(f64::ln), told.place.map(|p| p.x), told.place.map(|p| p.y), told.place.map(|p| p.z)];
+    for (axis, value) in told.into_iter().enumerate() {
+        if let Some(value) = value {
+            (start.expected[axis], start.deviations[axis]) = (value, 0.0);
+        }
+    }
+    start
 }
 
 /// Climbs from `start` on the log density `log_likelihood` plus the expectation's own.
@@ -94,6 +112,7 @@ pub fn refine<E>(start: &Placement, mut log_likelihood: impl FnMut(&Parameters) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::{CameraDensities, OFFSETS};
     use std::convert::Infallible;
 
     /// A Gaussian likelihood times the Gaussian expectation is a Gaussian: its mean and deviations are known.
@@ -112,6 +131,27 @@ mod tests {
             assert!((found.deviations[i] / deviation - 1.0).abs() < 0.05, "{i}: {} {deviation}", found.deviations[i]);
         }
         assert_eq!((found.parameters[4], found.deviations[4]), (0.0, 0.0), "what is known stays");
+    }
+
+    #[test]
+    fn what_is_told_is_not_searched() {
+        let cell = Cell {
+            class: 0,
+            component: 0,
+            resting: Default::default(),
+            log_prior: 0.0,
+            step: 6,
+            score: 0.0,
+            offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0],
+            deviations: [0.5; OFFSETS],
+        };
+        let free = start(&cell, &Told::default());
+        assert!((free.expected[0] - (CameraDensities::yaw(6) + 0.1)).abs() < 1e-12);
+        let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(same(&free.expected[1..], &[-0.2, 1.0, 2.0, 3.0]) && free.deviations == [0.5; 5]);
+        let told = Told { yaw: Some(1.0), scale: Some(1.0), ..Told::default() };
+        let some = start(&cell, &told);
+        assert_eq!((some.expected, some.deviations), ([1.0, 0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.5, 0.5, 0.5]));
     }
 
     #[test]
