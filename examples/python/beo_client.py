@@ -90,6 +90,9 @@ class _Peer:
         try:
             return builder.open()
         except (iox2.PublishSubscribeOpenError, iox2.EventOpenError) as error:
+            if "IncompatibleTypes" in str(error):
+                ours = messages.ABI_VERSION
+                raise RuntimeError(f"the daemon of `{self.instance}` speaks another version of the messages than {ours}: use its own") from error
             if any(word in str(error) for word in ("DoesNotExist", "IsMarkedForDestruction", "HangsInCreation")):
                 raise NotRunning(f"no daemon serves the instance `{self.instance}`: start `beo serve --instance {self.instance}`") from error
             raise

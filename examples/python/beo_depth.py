@@ -196,8 +196,9 @@ def quaternion(axes):
     return np.linalg.eigh(k)[1][:, -1]
 
 
-def fill_header(header, grid, known_side_m=None):
-    """What a header says of a carved grid: where it lies, where the camera is; size, place and rotation about the vertical to be found."""
+def fill_header(header, grid, known_side_m=None, known_side_deviation_m=0.0):
+    """What a header says of a carved grid, as beo_observation_header_of_grid in C: where it lies, in metres, and where the camera is; size,
+    place and rotation about the vertical to be found."""
     header.dims[:] = grid.dims
     header.voxel_size_m = grid.voxel_size_m
     header.position_m[:] = grid.position_m
@@ -207,5 +208,7 @@ def fill_header(header, grid, known_side_m=None):
     header.outside = messages.Outside.UNKNOWN
     header.scale_search = messages.ScaleSearch.SEARCH
     header.known_side_m = known_side_m or 0.0
+    header.known_side_deviation_m = known_side_deviation_m
+    header.unit = messages.Unit.METRES
     header.pose_search = messages.PoseSearch.YAW
     header.tasks = messages.TASK_CLASS | messages.TASK_POSE | messages.TASK_COMPLETION

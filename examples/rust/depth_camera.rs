@@ -8,9 +8,8 @@
 
 use beo_camera::{Carver, Frame, Grid, Intrinsics, Placement, PlaneSearch, SensorModel, fit_support, place};
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::{InstanceName, ObservationHeader, OpenError, Outside, PoseSearch, ReconnectError, ReconnectingProducer, ScaleSearch, View};
-use beo_ipc::{tasks, text};
-use nalgebra::{Point3, Vector3};
+use beo_ipc::{CarvedGrid, CarvedGridError, InstanceName, ObservationHeader, OpenError, ReconnectError, ReconnectingProducer};
+use nalgebra::Vector3;
 use std::time::{Duration, Instant};
 
 /// The label of the object in the mask. For several objects, do the second half of `main`'s loop for each label.
@@ -61,23 +60,9 @@ fn next_frame(intrinsics: &Intrinsics, number: u32, start: Instant) -> Images {
     Images { depth_m, labels, captured_ns }
 }
 
-/// What a grid's header says: where it lies and where the camera is; size, place and rotation about the vertical are to be found.
-fn header(grid: &Grid) -> ObservationHeader {
-    let (place, camera) = (grid.grid_to_camera(), grid.camera() - Point3::origin());
-    ObservationHeader {
-        object_id: OBJECT.into(),
-        position_m: place.translation.vector.into(),
-        orientation: place.rotation.coords.into(),
-        voxel_size_m: grid.voxel_size_m() as f32,
-        frame_id: text::to_field("camera"),
-        view: View::Camera.code(),
-        sensor_position_m: camera.map(|metres| metres as f32).into(),
-        outside: Outside::Unknown.code(),
-        scale_search: ScaleSearch::Search.code(),
-        pose_search: PoseSearch::Yaw.code(),
-        tasks: tasks::ALL,
-        ..ObservationHeader::new(grid.dims().map(|side| side as u32))
-    }
+/// Where a grid lies and where the camera is; size, place and rotation about the vertical are to be found.
+fn header(grid: &Grid) -> Result<ObservationHeader, CarvedGridError> {
+    ObservationHeader::of_grid(&CarvedGrid { object_id: OBJECT.into(), ..grid.into() })
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -109,7 +94,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             Ok(mut loan) => {
                 Carver { frame, object: OBJECT, sensor, support: Some(support), grid }.carve(loan.voxels_mut())?;
                 let producer_id = loan.header().producer_id;
-                *loan.header_mut() = ObservationHeader { producer_id, capture_ns: images.captured_ns, ..header(&grid) };
+                *loan.header_mut() = ObservationHeader { producer_id, capture_ns: images.captured_ns, ..header(&grid)? };
                 println!("sent observation {}", loan.send()?.sequence);
                 sent += 1;
             }

@@ -20,10 +20,14 @@
 #include <string.h>
 
 /** The version of this header and of the messages; compare with beo_abi_version(). */
-#define BEO_ABI_VERSION 1
+#define BEO_ABI_VERSION 2
 
 /** A class_index that says that there is none. */
 #define BEO_NO_CLASS UINT32_MAX
+/** A resting_pose that says that there is none: the rotation was not searched among resting poses. */
+#define BEO_NO_RESTING_POSE UINT32_MAX
+/** A none_probability or fit that says that it was not computed. What was computed is never negative and never NaN. */
+#define BEO_NOT_COMPUTED (-1.0f)
 
 /** Class posterior: a bit of `tasks`. It is computed in any case. */
 #define BEO_TASK_CLASS 1
@@ -31,6 +35,11 @@
 #define BEO_TASK_POSE 2
 /** Completed occupancy with its uncertainty: a bit of `tasks`. */
 #define BEO_TASK_COMPLETION 4
+
+/** The object goes on beyond the border of the image: a bit of `cut`. */
+#define BEO_CUT_BORDER 1
+/** Something nearer hides a part of the object: a bit of `cut`. */
+#define BEO_CUT_OCCLUDER 2
 
 /** Most classes of a model. */
 #define BEO_MAX_CLASSES 64
@@ -133,6 +142,8 @@ enum beo_percept_status
     BEO_PERCEPT_STATUS_STOPPING = 8,
     /** The observation's `deadline_ns` had passed before its turn came. `detail` is by how many nanoseconds. */
     BEO_PERCEPT_STATUS_EXPIRED = 9,
+    /** The grid holds nothing of an object: no voxel is filled. There is no class, no pose and no completion. `detail` is 0. */
+    BEO_PERCEPT_STATUS_NOTHING_SEEN = 10,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -154,6 +165,11 @@ enum beo_pose_search
     BEO_POSE_SEARCH_YAW = 1,
     /** The rotation is unknown. */
     BEO_POSE_SEARCH_FULL = 2,
+    /**
+     * The object rests on a support plane below the grid (up is the grid's +z), in any of the poses in which its class can rest, turned
+     * by any angle about the vertical.
+     */
+    BEO_POSE_SEARCH_REST = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -238,6 +254,25 @@ enum beo_scale_search
 typedef enum beo_scale_search beo_scale_search;
 #else
 typedef uint32_t beo_scale_search;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/** The unit of an observation's lengths: `beo_observation_header.unit`. */
+enum beo_unit
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /** Not known: lengths count voxels, or are in a unit that the producer knows. Nothing is concluded from true sizes. */
+    BEO_UNIT_UNKNOWN = 0,
+    /** Metres. */
+    BEO_UNIT_METRES = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum beo_unit beo_unit;
+#else
+typedef uint32_t beo_unit;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
@@ -331,7 +366,7 @@ typedef struct beo_observation_header {
     double position_m[3];
     /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w; refused where its norm is not 1 within 0.001. */
     double orientation[4];
-    /** Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels). */
+    /** Edge of a voxel in the unit that `unit` says; 1 where the scale is not known (lengths then count voxels). */
     float voxel_size_m;
     /** Voxels along x, y, z. */
     uint32_t dims[3];
@@ -368,8 +403,28 @@ typedef struct beo_observation_header {
      * then found; 0 where it does not.
      */
     float known_side_m;
+    /** Standard deviation of `known_side_m`, metres; 0: exact. */
+    float known_side_deviation_m;
+    /** The unit of `voxel_size_m` and of all other lengths: a number of `beo_unit`. True sizes count only where it is `beo_unit.Metres`. */
+    uint32_t unit;
+    /** What cuts the object off, so that it may go on where nothing is known: bits of `BEO_CUT_…`. */
+    uint32_t cut;
+    /**
+     * Share of the readings in the object's mask that were left out because they are the support's, 0 to 1. No reading counts in two
+     * shares.
+     */
+    float share_support;
+    /** Share that was left out because it lies at an edge in depth, between two surfaces, 0 to 1. */
+    float share_edge;
+    /** Share that was left out because it does not hang together with the object, 0 to 1. */
+    float share_far;
+    /**
+     * Standard deviation of the surface's position along the line of sight, after readings of the same surface were combined, metres; 0
+     * where it is not said.
+     */
+    float surface_deviation_m;
     /** 0. */
-    uint8_t reserved[4];
+    uint8_t reserved[56];
 } beo_observation_header;
 
 /** How to subscribe. Start from `BEO_SUBSCRIBER_OPTIONS_INIT`. */
@@ -394,11 +449,14 @@ typedef struct beo_hypothesis {
     float probability;
 } beo_hypothesis;
 
-/** The answer to one observation: class posterior, pose hypotheses, timings, status. */
+/** The answer to one observation: class posterior, pose hypotheses, place and size, timings, status. */
 typedef struct beo_percept {
     /** `BEO_ABI_VERSION`. */
     uint32_t abi_version;
-    /** A number of `beo_percept_status`; unless it is 0 (ok), class, posterior and hypotheses are empty. */
+    /**
+     * A number of `beo_percept_status`; unless it is 0 (ok), class, posterior and hypotheses are empty and
+     * `object_extent_m` is 0.
+     */
     uint32_t status;
     /** The run of the daemon that answered; changes when the daemon restarts. */
     uint64_t daemon_id;
@@ -410,6 +468,11 @@ typedef struct beo_percept {
     uint64_t object_id;
     /** The observation's number, counted by its producer. */
     uint64_t sequence;
+    /**
+     * The daemon's number for this percept: it counts all that it sends in this run, to whomever they are of use, from 1. A reader that
+     * finds a gap has missed as many percepts.
+     */
+    uint64_t answer_number;
     /** More about `status`: see `beo_percept_status`. */
     uint64_t detail;
     /** When the sensor data was taken. */
@@ -434,7 +497,7 @@ typedef struct beo_percept {
     double position_m[3];
     /** Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1. */
     double orientation[4];
-    /** Edge of a voxel, metres, as the observation had it. */
+    /** Edge of a voxel in the unit that `unit` says, as the observation had it. */
     float voxel_size_m;
     /** Voxels along x, y, z. */
     uint32_t dims[3];
@@ -442,9 +505,9 @@ typedef struct beo_percept {
     uint8_t frame_id[32];
     /** How it was computed: a number of `beo_method`. */
     uint32_t method;
-    /** How many entries of `posterior` and `log_evidence` are used. */
+    /** How many entries of `posterior` and `log_score` are used. */
     uint32_t class_count;
-    /** The most probable class, an index into the status' class names; `BEO_NO_CLASS` if the observation was refused. */
+    /** The most probable class, an index into the status' class names; `BEO_NO_CLASS` if there is none. */
     uint32_t class_index;
     /** How many entries of `hypotheses` are used, most probable first. */
     uint32_t hypothesis_count;
@@ -452,10 +515,34 @@ typedef struct beo_percept {
     float rotation_spread_rad;
     /** What was computed: bits of `BEO_TASK_…`. */
     uint32_t tasks;
+    /**
+     * Probability that the object is of none of the model's classes, 0 to 1; `BEO_NOT_COMPUTED` where the model cannot say. `posterior` is
+     * that of the classes given that it is of one of them.
+     */
+    float none_probability;
+    /**
+     * How well the object fits its class: the share of the class's held-out shapes that fit no better, 0 to 1; `BEO_NOT_COMPUTED` where the
+     * model cannot say.
+     */
+    float fit;
+    /**
+     * Which of the resting poses of `class_index` the first hypothesis has, a number of the model's list; `BEO_NO_RESTING_POSE` if they
+     * were not searched.
+     */
+    uint32_t resting_pose;
+    /** 1 if earlier observations of the object count in this answer, 0 if it is this observation's alone. */
+    uint32_t filtered;
+    /** What cuts the object off, as the observation had it: bits of `BEO_CUT_…`. */
+    uint32_t cut;
+    /** The unit of all lengths, as the observation had it: a number of `beo_unit`. */
+    uint32_t unit;
     /** Probability of each class; unused entries are 0. */
     float posterior[64];
-    /** Log evidence (or log score) of each class before priors and calibration, natural logarithm; unused entries are 0. */
-    float log_evidence[64];
+    /**
+     * Log score of each class by the method, before priors and calibration, natural logarithm: only differences between the classes of
+     * one percept have a meaning. Unused entries are 0.
+     */
+    float log_score[64];
     /** Pose hypotheses, most probable first; unused entries are 0. */
     struct beo_hypothesis hypotheses[8];
     /** Why the observation was refused, for people: UTF-8, padded with NUL. */
@@ -472,7 +559,7 @@ typedef struct beo_percept {
     /** Their standard deviation, metres. */
     float object_extent_deviation_m[3];
     /** 0. */
-    uint8_t reserved[52];
+    uint8_t reserved[100];
 } beo_percept;
 
 /**
@@ -516,8 +603,17 @@ typedef struct beo_completion_header {
     uint32_t class_index;
     /** How it was computed: a number of `beo_method`. */
     uint32_t method;
+    /**
+     * Probability that the object is of none of the model's classes, as its percept says: what is predicted is then of little use.
+     * `BEO_NOT_COMPUTED` where the model cannot say.
+     */
+    float none_probability;
+    /** What cuts the object off, as the observation had it: bits of `BEO_CUT_…`. What lies beyond is predicted. */
+    uint32_t cut;
+    /** The unit of all lengths, as the observation had it: a number of `beo_unit`. */
+    uint32_t unit;
     /** 0. */
-    uint8_t reserved[64];
+    uint8_t reserved[76];
 } beo_completion_header;
 
 /** A completed grid where it lies in shared memory; valid until its `beo_completion` is released. Start from `BEO_COMPLETION_VIEW_INIT`. */
@@ -552,6 +648,8 @@ typedef struct beo_daemon_status {
     uint64_t heartbeat_ns;
     /** When to expect the next: this long after `heartbeat_ns`. */
     uint64_t heartbeat_interval_ns;
+    /** `beo_percept.answer_number` of the last percept that the daemon sent; 0 before the first. */
+    uint64_t answer_number;
     /** Observations that the daemon took; the sum of the next three and of those that still wait (`beo_daemon_status.waiting`). */
     uint64_t received;
     /** Observations that were answered with status ok. */
@@ -562,6 +660,13 @@ typedef struct beo_daemon_status {
     uint64_t refused;
     /** Of the refused, those that were the daemon's own failure (`beo_percept_status.Internal`). */
     uint64_t failed;
+    /** Of the refused, those in which nothing of an object was seen (`beo_percept_status.NothingSeen`). */
+    uint64_t nothing_seen;
+    /**
+     * Of the answered, those whose object is more probably of none of the model's classes than of one
+     * (`beo_percept.none_probability` above one half).
+     */
+    uint64_t answered_none;
     /**
      * Observations that were lost before the daemon took them, because their producer's queue was full: gaps in the numbers of the
      * observations that it took. Not part of `received`. Those before the first and after the last that it took are not known.
@@ -594,7 +699,7 @@ typedef struct beo_daemon_status {
     /** The model's name, for people: UTF-8, padded with NUL. */
     uint8_t model_name[64];
     /** 0. */
-    uint8_t reserved[12];
+    uint8_t reserved[60];
 } beo_daemon_status;
 
 /** How to open a producer. Start from `BEO_PRODUCER_OPTIONS_INIT`. */
@@ -674,6 +779,8 @@ typedef struct beo_camera_options {
     double share;
     /** The object's longest side, metres, where it is known; 0 where it is not. Default: 0. */
     double known_side_m;
+    /** Its standard deviation, metres; 0: exact. Default: 0. */
+    double known_side_deviation_m;
     /** Fewest readings of an object for which a grid is laid. Default: 40. */
     uint32_t least_readings;
     /** 0. */
@@ -688,18 +795,29 @@ typedef struct beo_plane {
     double offset_m;
 } beo_plane;
 
-/** Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. */
+/**
+ * Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. And what is known
+ * of the readings that it is carved from.
+ */
 typedef struct beo_grid {
     /** Voxels along x, y, z. */
     uint32_t dims[3];
-    /** 0. */
-    uint32_t reserved;
+    /** What cuts the object off: bits of `BEO_CUT_…`; 0: it is seen whole, or nothing is said. */
+    uint32_t cut;
     /** Edge of a voxel, metres. */
     double voxel_size_m;
     /** The grid's centre, metres. */
     double position_m[3];
     /** Turns grid axes into axes of the camera: unit quaternion x, y, z, w. */
     double orientation[4];
+    /** Share of the object's labelled readings that were left out because they are the support's, 0 to 1. */
+    double share_support;
+    /** Share that was left out because it lies at an edge in depth, 0 to 1. */
+    double share_edge;
+    /** Share that was left out because it does not hang together with the object, 0 to 1. */
+    double share_far;
+    /** Standard deviation of the surface's position along the line of sight, metres; 0 where it is not said. */
+    double surface_deviation_m;
 } beo_grid;
 
 #ifdef __cplusplus
@@ -945,9 +1063,9 @@ beo_status beo_carve(const struct beo_depth_frame *frame,
                      size_t voxel_count);
 
 /**
- * Fills in `header` for a grid that was carved from a camera's frame: where it lies, in the frame named "camera"; where the camera is;
- * size, place, and rotation about the vertical to be found, in class, pose and completion; outside of the grid unknown.
- * `options.known_side_m` goes with it. `options` may be NULL for the defaults. `object_id` and the rest are then the caller's to set.
+ * Fills in `header` for a grid that was carved from a camera's frame: where it lies, in metres in the frame named "camera"; where the
+ * camera is; what `grid` says of its readings; size, place, and rotation about the vertical to be found, in class, pose and completion;
+ * outside of the grid unknown. `options.known_side_m` and `options.known_side_deviation_m` go with it. `options` may be NULL for the defaults. `object_id` and the rest are then the caller's to set.
  *
  * The caller promises:
  * `grid` is NULL or readable; `options` is NULL or readable for its `size`; `header` is NULL or writable.
@@ -1006,7 +1124,7 @@ beo_status beo_perceive_with(struct beo_producer *producer,
 /** Options to start from: `beo_producer_options options = BEO_PRODUCER_OPTIONS_INIT;` */
 #define BEO_PRODUCER_OPTIONS_INIT { sizeof(beo_producer_options), 0 }
 /** Options to start from: `beo_camera_options options = BEO_CAMERA_OPTIONS_INIT;` */
-#define BEO_CAMERA_OPTIONS_INIT { sizeof(beo_camera_options), 0, { 0.001, 0.0019, 2.0 }, { 0, 0, 0 }, 2.0 / 3.0, 0, 40, 0 }
+#define BEO_CAMERA_OPTIONS_INIT { sizeof(beo_camera_options), 0, { 0.001, 0.0019, 2.0 }, { 0, 0, 0 }, 2.0 / 3.0, 0, 0, 40, 0 }
 /** Zeroes `frame` and sets its size: a statement. */
 #define BEO_DEPTH_FRAME_INIT(frame) (memset(&(frame), 0, sizeof(beo_depth_frame)), (frame).size = (uint32_t)sizeof(beo_depth_frame))
 /** Zeroes `view` and sets its size: a statement. */
@@ -1018,7 +1136,7 @@ beo_status beo_perceive_with(struct beo_producer *producer,
 #define BEO_STATIC_ASSERT(condition, text) _Static_assert(condition, text)
 #endif
 
-BEO_STATIC_ASSERT(sizeof(beo_observation_header) == 240, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_observation_header) == 320, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_observation_header, abi_version) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->abi_version) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_observation_header, pose_search) == 4, "layout");
@@ -1069,8 +1187,22 @@ BEO_STATIC_ASSERT(offsetof(beo_observation_header, scale_search) == 228, "layout
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->scale_search) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_observation_header, known_side_m) == 232, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->known_side_m) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_observation_header, reserved) == 236, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->reserved) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, known_side_deviation_m) == 236, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->known_side_deviation_m) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, unit) == 240, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->unit) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, cut) == 244, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->cut) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, share_support) == 248, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->share_support) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, share_edge) == 252, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->share_edge) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, share_far) == 256, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->share_far) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, surface_deviation_m) == 260, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->surface_deviation_m) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_observation_header, reserved) == 264, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_observation_header *)0)->reserved) == 56, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_hypothesis) == 24, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_hypothesis, rotation_object_to_grid) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->rotation_object_to_grid) == 16, "layout");
@@ -1078,7 +1210,7 @@ BEO_STATIC_ASSERT(offsetof(beo_hypothesis, class_index) == 16, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->class_index) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_hypothesis, probability) == 20, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_hypothesis *)0)->probability) == 4, "layout");
-BEO_STATIC_ASSERT(sizeof(beo_percept) == 1200, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_percept) == 1280, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_percept, abi_version) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->abi_version) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_percept, status) == 4, "layout");
@@ -1093,67 +1225,81 @@ BEO_STATIC_ASSERT(offsetof(beo_percept, object_id) == 32, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_id) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_percept, sequence) == 40, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->sequence) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, detail) == 48, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, answer_number) == 48, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->answer_number) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, detail) == 56, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->detail) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, capture_ns) == 56, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, capture_ns) == 64, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->capture_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, sensor_stamp_ns) == 64, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, sensor_stamp_ns) == 72, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->sensor_stamp_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, written_ns) == 72, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, written_ns) == 80, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->written_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, received_ns) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, received_ns) == 88, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->received_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, projected_ns) == 88, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, projected_ns) == 96, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->projected_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, classified_ns) == 96, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, classified_ns) == 104, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->classified_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, posed_ns) == 104, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, posed_ns) == 112, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->posed_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, completed_ns) == 112, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, completed_ns) == 120, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->completed_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, published_ns) == 120, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, published_ns) == 128, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->published_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, position_m) == 128, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, position_m) == 136, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->position_m) == 24, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, orientation) == 152, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, orientation) == 160, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->orientation) == 32, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, voxel_size_m) == 184, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, voxel_size_m) == 192, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->voxel_size_m) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, dims) == 188, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, dims) == 196, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->dims) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, frame_id) == 200, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, frame_id) == 208, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->frame_id) == 32, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, method) == 232, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, method) == 240, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->method) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, class_count) == 236, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, class_count) == 244, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->class_count) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, class_index) == 240, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, class_index) == 248, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->class_index) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, hypothesis_count) == 244, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, hypothesis_count) == 252, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->hypothesis_count) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, rotation_spread_rad) == 248, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, rotation_spread_rad) == 256, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->rotation_spread_rad) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, tasks) == 252, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, tasks) == 260, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->tasks) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, posterior) == 256, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, none_probability) == 264, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->none_probability) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, fit) == 268, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->fit) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, resting_pose) == 272, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->resting_pose) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, filtered) == 276, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->filtered) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, cut) == 280, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->cut) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, unit) == 284, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->unit) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, posterior) == 288, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->posterior) == 256, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, log_evidence) == 512, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->log_evidence) == 256, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, hypotheses) == 768, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, log_score) == 544, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->log_score) == 256, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, hypotheses) == 800, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->hypotheses) == 192, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, explanation) == 960, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, explanation) == 992, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->explanation) == 128, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, object_position_m) == 1088, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_position_m) == 1120, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_position_m) == 24, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, object_position_deviation_m) == 1112, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_position_deviation_m) == 1144, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_position_deviation_m) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, object_extent_m) == 1124, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_extent_m) == 1156, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_extent_m) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, object_extent_deviation_m) == 1136, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, object_extent_deviation_m) == 1168, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->object_extent_deviation_m) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_percept, reserved) == 1148, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->reserved) == 52, "layout");
-BEO_STATIC_ASSERT(sizeof(beo_completion_header) == 264, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_percept, reserved) == 1180, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_percept *)0)->reserved) == 100, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_completion_header) == 288, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_header, abi_version) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->abi_version) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_header, frame) == 4, "layout");
@@ -1190,9 +1336,15 @@ BEO_STATIC_ASSERT(offsetof(beo_completion_header, class_index) == 192, "layout")
 BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->class_index) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_completion_header, method) == 196, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->method) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_completion_header, reserved) == 200, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->reserved) == 64, "layout");
-BEO_STATIC_ASSERT(sizeof(beo_daemon_status) == 2296, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, none_probability) == 200, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->none_probability) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, cut) == 204, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->cut) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, unit) == 208, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->unit) == 4, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_completion_header, reserved) == 212, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_completion_header *)0)->reserved) == 76, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_daemon_status) == 2368, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_daemon_status, abi_version) == 0, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->abi_version) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_daemon_status, pid) == 4, "layout");
@@ -1207,46 +1359,52 @@ BEO_STATIC_ASSERT(offsetof(beo_daemon_status, heartbeat_ns) == 32, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->heartbeat_ns) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_daemon_status, heartbeat_interval_ns) == 40, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->heartbeat_interval_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, received) == 48, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, answer_number) == 48, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->answer_number) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, received) == 56, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->received) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, answered) == 56, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, answered) == 64, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->answered) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dropped) == 64, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dropped) == 72, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->dropped) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, refused) == 72, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, refused) == 80, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->refused) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, failed) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, failed) == 88, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->failed) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, overflowed) == 88, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, nothing_seen) == 96, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->nothing_seen) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, answered_none) == 104, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->answered_none) == 8, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, overflowed) == 112, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->overflowed) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_count) == 96, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_count) == 120, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_count) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p50_ns) == 104, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p50_ns) == 128, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p50_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p90_ns) == 112, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p90_ns) == 136, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p90_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p99_ns) == 120, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p99_ns) == 144, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p99_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p999_ns) == 128, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_p999_ns) == 152, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_p999_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_max_ns) == 136, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, latency_max_ns) == 160, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->latency_max_ns) == 8, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dims) == 144, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, dims) == 168, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->dims) == 12, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_count) == 156, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_count) == 180, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->class_count) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, state) == 160, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, state) == 184, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->state) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reloads) == 164, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reloads) == 188, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reloads) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reloads_refused) == 168, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reloads_refused) == 192, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reloads_refused) == 4, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_names) == 172, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, class_names) == 196, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->class_names) == 2048, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, model_name) == 2220, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, model_name) == 2244, "layout");
 BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->model_name) == 64, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reserved) == 2284, "layout");
-BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reserved) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_daemon_status, reserved) == 2308, "layout");
+BEO_STATIC_ASSERT(sizeof(((beo_daemon_status *)0)->reserved) == 60, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_subscriber_options) == 16, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, size) == 0, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_subscriber_options, completion) == 4, "layout");
@@ -1282,21 +1440,26 @@ BEO_STATIC_ASSERT(sizeof(beo_sensor_model) == 24, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_sensor_model, constant_m) == 0, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_sensor_model, quadratic_per_m) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_sensor_model, deviations) == 16, "layout");
-BEO_STATIC_ASSERT(sizeof(beo_camera_options) == 80, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_camera_options) == 88, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_camera_options, size) == 0, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_camera_options, support_label) == 4, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_camera_options, sensor) == 8, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_camera_options, up) == 32, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_camera_options, share) == 56, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_camera_options, known_side_m) == 64, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_camera_options, least_readings) == 72, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_camera_options, reserved) == 76, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, known_side_deviation_m) == 72, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, least_readings) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_camera_options, reserved) == 84, "layout");
 BEO_STATIC_ASSERT(sizeof(beo_plane) == 32, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_plane, normal) == 0, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_plane, offset_m) == 24, "layout");
-BEO_STATIC_ASSERT(sizeof(beo_grid) == 80, "layout");
+BEO_STATIC_ASSERT(sizeof(beo_grid) == 112, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_grid, dims) == 0, "layout");
-BEO_STATIC_ASSERT(offsetof(beo_grid, reserved) == 12, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, cut) == 12, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_grid, voxel_size_m) == 16, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_grid, position_m) == 24, "layout");
 BEO_STATIC_ASSERT(offsetof(beo_grid, orientation) == 48, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, share_support) == 80, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, share_edge) == 88, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, share_far) == 96, "layout");
+BEO_STATIC_ASSERT(offsetof(beo_grid, surface_deviation_m) == 104, "layout");

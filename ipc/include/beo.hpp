@@ -242,6 +242,9 @@ inline std::string_view class_name(const DaemonStatus &status, std::uint32_t cla
     return class_index < status.class_count && class_index < BEO_MAX_CLASSES ? text(status.class_names[class_index]) : std::string_view();
 }
 
+// Whether a none_probability or a fit was computed: BEO_NOT_COMPUTED says that it was not.
+inline bool is_computed(float value) noexcept { return value >= 0; }
+
 // The pose hypotheses of a percept, most probable first.
 inline Span<const Hypothesis> hypotheses(const Percept &percept) noexcept {
     const std::size_t count = percept.hypothesis_count;

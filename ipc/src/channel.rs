@@ -19,7 +19,7 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 use crate::InstanceName;
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::layout::Layout;
-use crate::messages::{CompletionHeader, Hypothesis, ObservationHeader, Percept, Status};
+use crate::messages::{ABI_VERSION, CompletionHeader, Hypothesis, ObservationHeader, Percept, Status};
 use crate::node::{Ipc, service_name};
 
 pub(crate) type ObservationService = publish_subscribe::PortFactory<Ipc, [u8], ObservationHeader>;
@@ -100,7 +100,7 @@ fn pubsub_open_error(service: &str, error: PublishSubscribeOpenError) -> OpenErr
     let (service_text, cause) = (service.to_owned(), format!("{error:?}"));
     match error {
         E::IncompatibleTypes | E::IncompatibleMessagingPattern | E::VersionMismatch => {
-            OpenError::OtherVersion { service: service_text, cause }
+            OpenError::OtherVersion { cause: other_version(service, &cause), service: service_text }
         }
         E::DoesNotSupportRequestedMinBufferSize
         | E::DoesNotSupportRequestedMinHistorySize
@@ -111,6 +111,22 @@ fn pubsub_open_error(service: &str, error: PublishSubscribeOpenError) -> OpenErr
         | E::IncompatibleOverflowBehavior => OpenError::OtherSettings { service: service_text, cause },
         E::ExceedsMaxNumberOfNodes => OpenError::Full { service: service_text, role: "process" },
         _ => failed(service, error),
+    }
+}
+
+/// Which messages the peers of a service speak, in words: its types' names tell their version.
+fn other_version(service: &str, cause: &str) -> String {
+    let types = service_name(service).ok().and_then(|name| {
+        let found = Ipc::details(&name, &crate::node::config(), MessagingPattern::PublishSubscribe).ok()??;
+        let types = found.static_details.publish_subscribe().message_type_details();
+        Some([types.user_header.type_name().to_string(), types.payload.type_name().to_string()])
+    });
+    let of_beo = types.and_then(|types| types.into_iter().find(|name| name.starts_with("beo.v")));
+    match of_beo.as_deref().map(|name| (name, name.trim_start_matches("beo.v").split('.').next().unwrap_or("?"))) {
+        Some((name, version)) if version != ABI_VERSION.to_string() => {
+            format!("version {version} of the messages, `{name}`; this program speaks version {ABI_VERSION}")
+        }
+        _ => format!("{cause}; this program speaks version {ABI_VERSION} of the messages"),
     }
 }
 

@@ -43,6 +43,8 @@ pub enum PerceptStatus {
     Stopping = 8,
     /// The observation's `deadline_ns` had passed before its turn came. `detail` is by how many nanoseconds.
     Expired = 9,
+    /// The grid holds nothing of an object: no voxel is filled. There is no class, no pose and no completion. `detail` is 0.
+    NothingSeen = 10,
 }
 checked_codes!(PerceptStatus {
     Ok,
@@ -54,7 +56,8 @@ checked_codes!(PerceptStatus {
     PoseSearchNotSupported,
     Internal,
     Stopping,
-    Expired
+    Expired,
+    NothingSeen
 });
 
 /// What the daemon does: [`crate::Status::state`].
@@ -84,8 +87,11 @@ pub enum PoseSearch {
     Yaw = 1,
     /// The rotation is unknown.
     Full = 2,
+    /// The object rests on a support plane below the grid (up is the grid's +z), in any of the poses in which its class can rest, turned
+    /// by any angle about the vertical.
+    Rest = 3,
 }
-checked_codes!(PoseSearch { Known, Yaw, Full });
+checked_codes!(PoseSearch { Known, Yaw, Full, Rest });
 
 /// The frame of a completed grid: [`crate::ObservationHeader::completion_frame`] and [`crate::CompletionHeader::frame`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -137,6 +143,18 @@ pub enum ScaleSearch {
 }
 checked_codes!(ScaleSearch { Known, Search });
 
+/// The unit of an observation's lengths: [`crate::ObservationHeader::unit`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u32)]
+pub enum Unit {
+    /// Not known: lengths count voxels, or are in a unit that the producer knows. Nothing is concluded from true sizes.
+    #[default]
+    Unknown = 0,
+    /// Metres.
+    Metres = 1,
+}
+checked_codes!(Unit { Unknown, Metres });
+
 /// How a percept was computed: [`crate::Percept::method`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
@@ -169,25 +187,48 @@ pub mod tasks {
     pub const ALL: u32 = CLASS | POSE | COMPLETION;
 }
 
+/// The bits of [`crate::ObservationHeader::cut`]: what keeps the object from being seen whole from where the sensor is.
+pub mod cut {
+    /// It goes on beyond the border of the image.
+    pub const BORDER: u32 = 1;
+    /// Something nearer hides a part of it.
+    pub const OCCLUDER: u32 = 2;
+    /// All that this version knows.
+    pub const ALL: u32 = BORDER | OCCLUDER;
+
+    /// The words for the bits that are set, as JSON and people have them.
+    pub fn words(bits: u32) -> impl Iterator<Item = &'static str> {
+        [(BORDER, "border"), (OCCLUDER, "occluder")].into_iter().filter(move |(bit, _)| bits & bit != 0).map(|(_, word)| word)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn codes_round_trip_and_unknown_ones_are_refused() {
-        for code in 0..10 {
+        for code in 0..11 {
             assert_eq!(PerceptStatus::from_code(code).map(PerceptStatus::code), Some(code));
         }
-        for code in [10, 255, u32::MAX] {
+        for code in [11, 255, u32::MAX] {
             assert_eq!(PerceptStatus::from_code(code), None);
             assert_eq!(PoseSearch::from_code(code), None);
             assert_eq!(Method::from_code(code), None);
         }
-        assert_eq!(PoseSearch::from_code(3), None);
+        assert_eq!(PoseSearch::from_code(4), None);
+        assert_eq!(Unit::from_code(2), None);
         assert_eq!(DaemonState::from_code(4), None);
         assert_eq!(CompletionFrame::from_code(2), None);
         assert_eq!(Outside::from_code(2), None);
         assert_eq!(View::from_code(3), None);
         assert_eq!(ScaleSearch::from_code(2), None);
+    }
+
+    #[test]
+    fn what_cuts_an_object_has_words() {
+        assert_eq!(cut::words(0).count(), 0);
+        assert_eq!(cut::words(cut::ALL | 8).collect::<Vec<_>>(), ["border", "occluder"]);
+        assert_eq!(cut::words(cut::OCCLUDER).collect::<Vec<_>>(), ["occluder"]);
     }
 }

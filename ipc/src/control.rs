@@ -27,19 +27,19 @@ const CALLERS: usize = 4;
 /// Asks the daemon to serve another model.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("beo.v1.ReloadRequest")]
+#[type_name("beo.v2.ReloadRequest")]
 pub struct ReloadRequest {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
     /// The model file's absolute path as the system has it, padded with NUL; empty for the file that is served, read anew.
     pub model: [u8; 4096],
 }
-layout!(ReloadRequest: 4100 { abi_version @ 0, model @ 4 });
+layout!(ReloadRequest: 4100, reserved from 4100 { abi_version @ 0, model @ 4 });
 
 /// The daemon's answer.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("beo.v1.ReloadReply")]
+#[type_name("beo.v2.ReloadReply")]
 pub struct ReloadReply {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
@@ -50,7 +50,7 @@ pub struct ReloadReply {
     /// Why it was refused, for people: UTF-8, padded with NUL.
     pub explanation: [u8; 512],
 }
-layout!(ReloadReply: 528 { abi_version @ 0, refused @ 4, model_id @ 8, explanation @ 16 });
+layout!(ReloadReply: 528, reserved from 528 { abi_version @ 0, refused @ 4, model_id @ 8, explanation @ 16 });
 
 type Service = request_response::PortFactory<Ipc, ReloadRequest, (), ReloadReply, ()>;
 

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::messages::ABI_VERSION;
 use crate::names::InstanceName;
 
 /// Why a role could not be opened.
@@ -23,7 +24,10 @@ pub enum OpenError {
         pid: Option<u32>,
     },
     /// The peers were built with different message layouts.
-    #[error("`{service}` has the message layout {found}, this program needs {expected}: rebuild both from the same version of beo")]
+    #[error(
+        "`{service}` has the message layout {found}, this program needs {expected} of version {ABI_VERSION}: rebuild both from the same \
+         version of beo"
+    )]
     LayoutMismatch {
         /// Which service.
         service: String,
@@ -37,7 +41,7 @@ pub enum OpenError {
     OtherVersion {
         /// Which service.
         service: String,
-        /// iceoryx2's word for it.
+        /// Which version it is of, or iceoryx2's word for it.
         cause: String,
     },
     /// Clients still hold the services of a daemon that had other limits.

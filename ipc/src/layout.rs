@@ -21,8 +21,12 @@ pub trait Layout {
     /// The fields, in order, without gaps.
     const FIELDS: &'static [Field];
 
-    /// FNV-1a over `name:offset:size:scalar;` of every field.
-    const LAYOUT_HASH: u64 = hash_of(Self::FIELDS);
+    /// Where the bytes begin that were reserved when this version of the messages was made.
+    const RESERVED_FROM: usize;
+
+    /// FNV-1a over `name:offset:size:scalar;` of every field before [`Layout::RESERVED_FROM`], and of all bytes from there on as one field
+    /// `reserved`: naming some of them later does not change the hash.
+    const LAYOUT_HASH: u64 = hash_of(Self::FIELDS, Self::RESERVED_FROM);
 }
 
 /// What a field can be made of.
@@ -44,30 +48,35 @@ pub(crate) const fn field<S, F: Scalar>(name: &'static str, offset: usize, _sele
     Field { name, offset, size: size_of::<F>(), scalar: F::NAME }
 }
 
-/// Panics (at compile time) unless the fields follow each other without gaps up to `size`.
-pub(crate) const fn assert_gapless(fields: &[Field], size: usize) {
+/// Panics (at compile time) unless the fields follow each other without gaps up to `size`, and one begins at `reserved_from` or they end
+/// there.
+pub(crate) const fn assert_gapless(fields: &[Field], reserved_from: usize, size: usize) {
     let mut end = 0;
     let mut index = 0;
+    let mut begins_reserved = reserved_from == size;
     while index < fields.len() {
+        begins_reserved = begins_reserved || fields[index].offset == reserved_from;
         assert!(fields[index].offset == end, "a field does not follow the one before it: padding, or out of order");
         end += fields[index].size;
         index += 1;
     }
     assert!(end == size, "padding at the end, or a field is missing from the list");
+    assert!(begins_reserved, "no field begins where the reserved bytes do");
 }
 
 /// Implements [`Layout`] for a `repr(C)` struct, and asserts at compile time that all its fields are listed, in order, without padding.
 macro_rules! layout {
-    ($name:ident: $size:literal { $($field:ident @ $offset:literal),+ $(,)? }) => {
+    ($name:ident: $size:literal, reserved from $reserved:literal { $($field:ident @ $offset:literal),+ $(,)? }) => {
         impl $crate::layout::Layout for $name {
             const FIELDS: &'static [$crate::layout::Field] = &[
                 $($crate::layout::field::<$name, _>(stringify!($field), std::mem::offset_of!($name, $field), |message| &message.$field)),+
             ];
+            const RESERVED_FROM: usize = $reserved;
         }
         const _: () = {
             assert!(size_of::<$name>() == $size, "the size of a published message changed");
             $(assert!(std::mem::offset_of!($name, $field) == $offset, "the offset of a published field changed");)+
-            $crate::layout::assert_gapless(<$name as $crate::layout::Layout>::FIELDS, size_of::<$name>());
+            $crate::layout::assert_gapless(<$name as $crate::layout::Layout>::FIELDS, $reserved, size_of::<$name>());
         };
     };
 }
@@ -100,21 +109,29 @@ const fn hash_number(hash: u64, number: usize) -> u64 {
     hash_bytes(hash, digits.split_at(start).1)
 }
 
-const fn hash_of(fields: &[Field]) -> u64 {
+const fn hash_field(hash: u64, field: &Field) -> u64 {
+    let hash = hash_bytes(hash_bytes(hash, field.name.as_bytes()), b":");
+    let hash = hash_bytes(hash_number(hash, field.offset), b":");
+    let hash = hash_bytes(hash_number(hash, field.size), b":");
+    hash_bytes(hash_bytes(hash, field.scalar.as_bytes()), b";")
+}
+
+const fn hash_of(fields: &[Field], reserved_from: usize) -> u64 {
     let mut hash = FNV_OFFSET;
+    let mut reserved = 0;
     let mut index = 0;
     while index < fields.len() {
-        hash = hash_bytes(hash, fields[index].name.as_bytes());
-        hash = hash_bytes(hash, b":");
-        hash = hash_number(hash, fields[index].offset);
-        hash = hash_bytes(hash, b":");
-        hash = hash_number(hash, fields[index].size);
-        hash = hash_bytes(hash, b":");
-        hash = hash_bytes(hash, fields[index].scalar.as_bytes());
-        hash = hash_bytes(hash, b";");
+        if fields[index].offset < reserved_from {
+            hash = hash_field(hash, &fields[index]);
+        } else {
+            reserved += fields[index].size;
+        }
         index += 1;
     }
-    hash
+    if reserved == 0 {
+        return hash;
+    }
+    hash_field(hash, &Field { name: "reserved", offset: reserved_from, size: reserved, scalar: "u8" })
 }
 
 #[cfg(test)]
@@ -126,7 +143,7 @@ mod tests {
         // FNV-1a test vector of the authors: "foobar".
         assert_eq!(hash_bytes(FNV_OFFSET, b"foobar"), 0x8594_4171_f739_67e8);
         let fields = [Field { name: "a", offset: 0, size: 4, scalar: "u32" }, Field { name: "bc", offset: 1040, size: 12, scalar: "f32" }];
-        assert_eq!(hash_of(&fields), hash_bytes(FNV_OFFSET, b"a:0:4:u32;bc:1040:12:f32;"));
+        assert_eq!(hash_of(&fields, 1052), hash_bytes(FNV_OFFSET, b"a:0:4:u32;bc:1040:12:f32;"));
     }
 
     #[test]
@@ -134,7 +151,18 @@ mod tests {
         let first = Field { name: "a", offset: 0, size: 4, scalar: "u32" };
         let second = Field { name: "b", offset: 4, size: 4, scalar: "u32" };
         let swapped = [Field { name: "b", ..first }, Field { name: "a", ..second }];
-        assert_ne!(hash_of(&[first, second]), hash_of(&swapped));
+        assert_ne!(hash_of(&[first, second], 8), hash_of(&swapped, 8));
+    }
+
+    #[test]
+    fn naming_reserved_bytes_leaves_the_hash_and_moving_them_does_not() {
+        let first = Field { name: "a", offset: 0, size: 4, scalar: "u32" };
+        let rest = |offset, size| Field { name: "reserved", offset, size, scalar: "u8" };
+        let named = Field { name: "b", offset: 4, size: 8, scalar: "f64" };
+        let hash = hash_of(&[first, rest(4, 20)], 4);
+        assert_eq!(hash_of(&[first, named, rest(12, 12)], 4), hash);
+        assert_ne!(hash_of(&[first, rest(4, 28)], 4), hash, "another size");
+        assert_ne!(hash_of(&[first, named, rest(12, 12)], 12), hash, "another place");
     }
 
     #[test]
@@ -142,6 +170,7 @@ mod tests {
     fn a_gap_is_found() {
         assert_gapless(
             &[Field { name: "a", offset: 0, size: 4, scalar: "u32" }, Field { name: "b", offset: 8, size: 8, scalar: "u64" }],
+            16,
             16,
         );
     }

@@ -16,6 +16,7 @@
 //!
 //! All `unsafe` is in one private module, `shared`.
 
+mod carved;
 pub mod channel;
 pub mod clock;
 pub mod codes;
@@ -40,10 +41,13 @@ mod sweeper;
 pub mod text;
 pub mod validate;
 
-pub use codes::{CompletionFrame, DaemonState, Method, Outside, PerceptStatus, PoseSearch, ScaleSearch, View, tasks};
+pub use carved::{CarvedGrid, CarvedGridError};
+pub use codes::{CompletionFrame, DaemonState, Method, Outside, PerceptStatus, PoseSearch, ScaleSearch, Unit, View, cut, tasks};
 pub use control::{ReloadCall, ReloadError, request_reload};
 pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
-pub use messages::{ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, ObservationHeader, Percept, Status};
+pub use messages::{
+    ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, Status,
+};
 pub use names::{InstanceName, InstanceNameError};
 pub use observation_reader::ObservationReader;
 pub use producer::{Loan, Producer, Sent};

@@ -5,7 +5,7 @@ use crate::error::OpenError;
 /// Where POSIX shared memory lies on Linux.
 pub const SHARED_MEMORY_DIR: &str = "/dev/shm";
 
-/// What a chunk has beside its payload: iceoryx2's header, ours (at most 264 bytes), and rounding up.
+/// What a chunk has beside its payload: iceoryx2's header, ours (at most 320 bytes), and rounding up.
 const CHUNK_OVERHEAD: u64 = 512;
 
 /// What a publisher has beside its chunks: management, and the connections to its readers.

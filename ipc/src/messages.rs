@@ -1,13 +1,17 @@
 //! The messages, exactly as they lie in shared memory: `repr(C)`, no padding, any bit pattern valid, versioned type names.
 //!
 //! Frames, units and time are those of the whole project: metres; quaternions are x, y, z, w; stamps are nanoseconds of CLOCK_MONOTONIC, 0
-//! where a stage did not run. Reserved bytes are 0. The lengths of arrays are written as numbers, as rustc 1.95 crashes on closures that
-//! capture a struct whose array lengths are named constants of another crate. A field never changes its meaning or place within one
-//! version: a change makes a new version with new type names.
+//! where a stage did not run. The lengths of arrays are written as numbers, as rustc 1.95 crashes on closures that
+//! capture a struct whose array lengths are named constants of another crate.
+//!
+//! A field never changes its meaning or place within one version: a change makes a new version with new type names. Reserved bytes are 0.
+//! A later release may give some of them a name and a meaning, if 0 then means what it means today; the layout hash does not change by
+//! it, so that both releases can talk. Readers pass over reserved bytes; the daemon refuses an observation whose reserved bytes are not 0,
+//! as it asks for something that this release does not know.
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::codes::{CompletionFrame, Outside, PoseSearch, ScaleSearch, View, tasks};
+use crate::codes::{CompletionFrame, Outside, PoseSearch, ScaleSearch, Unit, View, tasks};
 use crate::layout::{Scalar, layout};
 use crate::limits::{EXPLANATION_LEN, MAX_CLASSES, MAX_HYPOTHESES, NAME_LEN};
 use crate::validate::normalised;
@@ -15,17 +19,23 @@ use crate::validate::normalised;
 const _: () = assert!(MAX_CLASSES == 64 && MAX_HYPOTHESES == 8 && NAME_LEN == 32 && EXPLANATION_LEN == 128);
 
 /// The version of these messages; every message carries it.
-pub const ABI_VERSION: u32 = 1;
+pub const ABI_VERSION: u32 = 2;
 
 /// A `class_index` that says that there is none.
 pub const NO_CLASS: u32 = u32::MAX;
+
+/// A `resting_pose` that says that there is none: the rotation was not searched among resting poses.
+pub const NO_RESTING_POSE: u32 = u32::MAX;
+
+/// A `none_probability` or `fit` that says that it was not computed. What was computed is never negative and never NaN.
+pub const NOT_COMPUTED: f32 = -1.0;
 
 /// Travels with every observation, before its voxels (one byte each: 0 empty, 1 filled, 255 unknown; C order `[x][y][z]`).
 ///
 /// `producer_id`, `sequence`, `written_ns`, `dims` and the default of `capture_ns` are filled in by [`crate::Producer`].
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("beo.v1.ObservationHeader")]
+#[type_name("beo.v2.ObservationHeader")]
 pub struct ObservationHeader {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
@@ -49,7 +59,7 @@ pub struct ObservationHeader {
     pub position_m: [f64; 3],
     /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w; refused where its norm is not 1 within 0.001.
     pub orientation: [f64; 4],
-    /// Edge of a voxel, metres; 1 where the scale is not known (lengths then count voxels).
+    /// Edge of a voxel in the unit that `unit` says; 1 where the scale is not known (lengths then count voxels).
     pub voxel_size_m: f32,
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
@@ -80,14 +90,31 @@ pub struct ObservationHeader {
     /// The object's longest side, metres, where the producer knows it and `scale_search` is [`ScaleSearch::Search`]: only the place is
     /// then found; 0 where it does not.
     pub known_side_m: f32,
+    /// Standard deviation of `known_side_m`, metres; 0: exact.
+    pub known_side_deviation_m: f32,
+    /// The unit of `voxel_size_m` and of all other lengths: a number of [`Unit`]. True sizes count only where it is [`Unit::Metres`].
+    pub unit: u32,
+    /// What cuts the object off, so that it may go on where nothing is known: bits of [`crate::cut`].
+    pub cut: u32,
+    /// Share of the readings in the object's mask that were left out because they are the support's, 0 to 1. No reading counts in two
+    /// shares.
+    pub share_support: f32,
+    /// Share that was left out because it lies at an edge in depth, between two surfaces, 0 to 1.
+    pub share_edge: f32,
+    /// Share that was left out because it does not hang together with the object, 0 to 1.
+    pub share_far: f32,
+    /// Standard deviation of the surface's position along the line of sight, after readings of the same surface were combined, metres; 0
+    /// where it is not said.
+    pub surface_deviation_m: f32,
     /// 0.
-    pub reserved: [u8; 4],
+    pub reserved: [u8; 56],
 }
-layout!(ObservationHeader: 240 {
+layout!(ObservationHeader: 320, reserved from 264 {
     abi_version @ 0, pose_search @ 4, producer_id @ 8, object_id @ 16, sequence @ 24, capture_ns @ 32, sensor_stamp_ns @ 40, written_ns @ 48,
     deadline_ns @ 56, position_m @ 64, orientation @ 88, voxel_size_m @ 120, dims @ 124, tasks @ 136, completion_frame @ 140, outside @ 144,
     view @ 148, frame_id @ 152, continued_object_id @ 184, continues @ 192, rotation_prior_concentration @ 196, rotation_prior @ 200,
-    sensor_position_m @ 216, scale_search @ 228, known_side_m @ 232, reserved @ 236,
+    sensor_position_m @ 216, scale_search @ 228, known_side_m @ 232, known_side_deviation_m @ 236, unit @ 240, cut @ 244, share_support @ 248,
+    share_edge @ 252, share_far @ 256, surface_deviation_m @ 260, reserved @ 264,
 });
 
 impl ObservationHeader {
@@ -119,7 +146,14 @@ impl ObservationHeader {
             sensor_position_m: [0.0; 3],
             scale_search: ScaleSearch::Known.code(),
             known_side_m: 0.0,
-            reserved: [0; 4],
+            known_side_deviation_m: 0.0,
+            unit: Unit::Unknown.code(),
+            cut: 0,
+            share_support: 0.0,
+            share_edge: 0.0,
+            share_far: 0.0,
+            surface_deviation_m: 0.0,
+            reserved: [0; 56],
         }
     }
 }
@@ -134,7 +168,7 @@ impl Default for ObservationHeader {
 /// How the object may be turned.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("beo.v1.Hypothesis")]
+#[type_name("beo.v2.Hypothesis")]
 pub struct Hypothesis {
     /// Turns object axes into grid axes: unit quaternion x, y, z, w.
     pub rotation_object_to_grid: [f32; 4],
@@ -143,7 +177,7 @@ pub struct Hypothesis {
     /// Posterior probability of this class and pose.
     pub probability: f32,
 }
-layout!(Hypothesis: 24 { rotation_object_to_grid @ 0, class_index @ 16, probability @ 20 });
+layout!(Hypothesis: 24, reserved from 24 { rotation_object_to_grid @ 0, class_index @ 16, probability @ 20 });
 
 impl Hypothesis {
     /// All zero: the unused entries of a percept.
@@ -154,14 +188,15 @@ impl Scalar for Hypothesis {
     const NAME: &'static str = "Hypothesis";
 }
 
-/// The answer to one observation: class posterior, pose hypotheses, timings, status.
+/// The answer to one observation: class posterior, pose hypotheses, place and size, timings, status.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("beo.v1.Percept")]
+#[type_name("beo.v2.Percept")]
 pub struct Percept {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
-    /// A number of [`crate::PerceptStatus`]; unless it is 0 (ok), class, posterior and hypotheses are empty.
+    /// A number of [`crate::PerceptStatus`]; unless it is 0 (ok), class, posterior and hypotheses are empty and
+    /// `object_extent_m` is 0.
     pub status: u32,
     /// The run of the daemon that answered; changes when the daemon restarts.
     pub daemon_id: u64,
@@ -173,6 +208,9 @@ pub struct Percept {
     pub object_id: u64,
     /// The observation's number, counted by its producer.
     pub sequence: u64,
+    /// The daemon's number for this percept: it counts all that it sends in this run, to whomever they are of use, from 1. A reader that
+    /// finds a gap has missed as many percepts.
+    pub answer_number: u64,
     /// More about `status`: see [`crate::PerceptStatus`].
     pub detail: u64,
     /// When the sensor data was taken.
@@ -197,7 +235,7 @@ pub struct Percept {
     pub position_m: [f64; 3],
     /// Turns grid axes into axes of the frame `frame_id`: unit quaternion x, y, z, w, as the observation had it, at length 1.
     pub orientation: [f64; 4],
-    /// Edge of a voxel, metres, as the observation had it.
+    /// Edge of a voxel in the unit that `unit` says, as the observation had it.
     pub voxel_size_m: f32,
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
@@ -205,9 +243,9 @@ pub struct Percept {
     pub frame_id: [u8; 32],
     /// How it was computed: a number of [`crate::Method`].
     pub method: u32,
-    /// How many entries of `posterior` and `log_evidence` are used.
+    /// How many entries of `posterior` and `log_score` are used.
     pub class_count: u32,
-    /// The most probable class, an index into the status' class names; [`NO_CLASS`] if the observation was refused.
+    /// The most probable class, an index into the status' class names; [`NO_CLASS`] if there is none.
     pub class_index: u32,
     /// How many entries of `hypotheses` are used, most probable first.
     pub hypothesis_count: u32,
@@ -215,10 +253,26 @@ pub struct Percept {
     pub rotation_spread_rad: f32,
     /// What was computed: bits of [`tasks`].
     pub tasks: u32,
+    /// Probability that the object is of none of the model's classes, 0 to 1; [`NOT_COMPUTED`] where the model cannot say. `posterior` is
+    /// that of the classes given that it is of one of them.
+    pub none_probability: f32,
+    /// How well the object fits its class: the share of the class's held-out shapes that fit no better, 0 to 1; [`NOT_COMPUTED`] where the
+    /// model cannot say.
+    pub fit: f32,
+    /// Which of the resting poses of `class_index` the first hypothesis has, a number of the model's list; [`NO_RESTING_POSE`] if they
+    /// were not searched.
+    pub resting_pose: u32,
+    /// 1 if earlier observations of the object count in this answer, 0 if it is this observation's alone.
+    pub filtered: u32,
+    /// What cuts the object off, as the observation had it: bits of [`crate::cut`].
+    pub cut: u32,
+    /// The unit of all lengths, as the observation had it: a number of [`Unit`].
+    pub unit: u32,
     /// Probability of each class; unused entries are 0.
     pub posterior: [f32; 64],
-    /// Log evidence (or log score) of each class before priors and calibration, natural logarithm; unused entries are 0.
-    pub log_evidence: [f32; 64],
+    /// Log score of each class by the method, before priors and calibration, natural logarithm: only differences between the classes of
+    /// one percept have a meaning. Unused entries are 0.
+    pub log_score: [f32; 64],
     /// Pose hypotheses, most probable first; unused entries are 0.
     pub hypotheses: [Hypothesis; 8],
     /// Why the observation was refused, for people: UTF-8, padded with NUL.
@@ -233,18 +287,19 @@ pub struct Percept {
     /// Their standard deviation, metres.
     pub object_extent_deviation_m: [f32; 3],
     /// 0.
-    pub reserved: [u8; 52],
+    pub reserved: [u8; 100],
 }
-layout!(Percept: 1200 {
-    abi_version @ 0, status @ 4, daemon_id @ 8, model_id @ 16, producer_id @ 24, object_id @ 32, sequence @ 40, detail @ 48, capture_ns @ 56,
-    sensor_stamp_ns @ 64, written_ns @ 72, received_ns @ 80, projected_ns @ 88, classified_ns @ 96, posed_ns @ 104, completed_ns @ 112, published_ns @ 120, position_m @ 128,
-    orientation @ 152, voxel_size_m @ 184, dims @ 188, frame_id @ 200, method @ 232, class_count @ 236, class_index @ 240,
-    hypothesis_count @ 244, rotation_spread_rad @ 248, tasks @ 252, posterior @ 256, log_evidence @ 512, hypotheses @ 768, explanation @ 960,
-    object_position_m @ 1088, object_position_deviation_m @ 1112, object_extent_m @ 1124, object_extent_deviation_m @ 1136, reserved @ 1148,
+layout!(Percept: 1280, reserved from 1180 {
+    abi_version @ 0, status @ 4, daemon_id @ 8, model_id @ 16, producer_id @ 24, object_id @ 32, sequence @ 40, answer_number @ 48, detail @ 56,
+    capture_ns @ 64, sensor_stamp_ns @ 72, written_ns @ 80, received_ns @ 88, projected_ns @ 96, classified_ns @ 104, posed_ns @ 112,
+    completed_ns @ 120, published_ns @ 128, position_m @ 136, orientation @ 160, voxel_size_m @ 192, dims @ 196, frame_id @ 208, method @ 240,
+    class_count @ 244, class_index @ 248, hypothesis_count @ 252, rotation_spread_rad @ 256, tasks @ 260, none_probability @ 264, fit @ 268,
+    resting_pose @ 272, filtered @ 276, cut @ 280, unit @ 284, posterior @ 288, log_score @ 544, hypotheses @ 800, explanation @ 992,
+    object_position_m @ 1120, object_position_deviation_m @ 1144, object_extent_m @ 1156, object_extent_deviation_m @ 1168, reserved @ 1180,
 });
 
 impl Percept {
-    /// No class, everything else 0.
+    /// No class, nothing computed, everything else 0.
     pub const EMPTY: Self = Self {
         abi_version: ABI_VERSION,
         status: 0,
@@ -253,6 +308,7 @@ impl Percept {
         producer_id: 0,
         object_id: 0,
         sequence: 0,
+        answer_number: 0,
         detail: 0,
         capture_ns: 0,
         sensor_stamp_ns: 0,
@@ -274,15 +330,21 @@ impl Percept {
         hypothesis_count: 0,
         rotation_spread_rad: 0.0,
         tasks: 0,
+        none_probability: NOT_COMPUTED,
+        fit: NOT_COMPUTED,
+        resting_pose: NO_RESTING_POSE,
+        filtered: 0,
+        cut: 0,
+        unit: Unit::Unknown.code(),
         posterior: [0.0; MAX_CLASSES],
-        log_evidence: [0.0; MAX_CLASSES],
+        log_score: [0.0; MAX_CLASSES],
         hypotheses: [Hypothesis::ZERO; MAX_HYPOTHESES],
         explanation: [0; EXPLANATION_LEN],
         object_position_m: [0.0; 3],
         object_position_deviation_m: [0.0; 3],
         object_extent_m: [0.0; 3],
         object_extent_deviation_m: [0.0; 3],
-        reserved: [0; 52],
+        reserved: [0; 100],
     };
 
     /// A percept that repeats the identifiers, stamps and placement of the observation it answers; no class yet.
@@ -299,6 +361,8 @@ impl Percept {
             voxel_size_m: observation.voxel_size_m,
             dims: observation.dims,
             frame_id: observation.frame_id,
+            cut: observation.cut,
+            unit: observation.unit,
             object_position_m: observation.position_m,
             ..Self::EMPTY
         }
@@ -309,7 +373,7 @@ impl Percept {
 /// deviation, each value × 255.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("beo.v1.CompletionHeader")]
+#[type_name("beo.v2.CompletionHeader")]
 pub struct CompletionHeader {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
@@ -347,13 +411,20 @@ pub struct CompletionHeader {
     pub class_index: u32,
     /// How it was computed: a number of [`crate::Method`].
     pub method: u32,
+    /// Probability that the object is of none of the model's classes, as its percept says: what is predicted is then of little use.
+    /// [`NOT_COMPUTED`] where the model cannot say.
+    pub none_probability: f32,
+    /// What cuts the object off, as the observation had it: bits of [`crate::cut`]. What lies beyond is predicted.
+    pub cut: u32,
+    /// The unit of all lengths, as the observation had it: a number of [`Unit`].
+    pub unit: u32,
     /// 0.
-    pub reserved: [u8; 64],
+    pub reserved: [u8; 76],
 }
-layout!(CompletionHeader: 264 {
+layout!(CompletionHeader: 288, reserved from 212 {
     abi_version @ 0, frame @ 4, daemon_id @ 8, model_id @ 16, producer_id @ 24, object_id @ 32, sequence @ 40, capture_ns @ 48,
     sensor_stamp_ns @ 56, published_ns @ 64, position_m @ 72, orientation @ 96, voxel_size_m @ 128, dims @ 132, frame_id @ 144,
-    rotation_object_to_grid @ 176, class_index @ 192, method @ 196, reserved @ 200,
+    rotation_object_to_grid @ 176, class_index @ 192, method @ 196, none_probability @ 200, cut @ 204, unit @ 208, reserved @ 212,
 });
 
 impl CompletionHeader {
@@ -378,7 +449,10 @@ impl CompletionHeader {
             rotation_object_to_grid: [0.0, 0.0, 0.0, 1.0],
             class_index: NO_CLASS,
             method: 0,
-            reserved: [0; 64],
+            none_probability: NOT_COMPUTED,
+            cut: observation.cut,
+            unit: observation.unit,
+            reserved: [0; 76],
         }
     }
 }
@@ -393,7 +467,7 @@ impl Default for CompletionHeader {
 /// The daemon's heartbeat: who it is, what model it serves, how it does.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-#[type_name("beo.v1.Status")]
+#[type_name("beo.v2.Status")]
 pub struct Status {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
@@ -409,6 +483,8 @@ pub struct Status {
     pub heartbeat_ns: u64,
     /// When to expect the next: this long after `heartbeat_ns`.
     pub heartbeat_interval_ns: u64,
+    /// [`Percept::answer_number`] of the last percept that the daemon sent; 0 before the first.
+    pub answer_number: u64,
     /// Observations that the daemon took; the sum of the next three and of those that still wait ([`Status::waiting`]).
     pub received: u64,
     /// Observations that were answered with status ok.
@@ -419,6 +495,11 @@ pub struct Status {
     pub refused: u64,
     /// Of the refused, those that were the daemon's own failure ([`crate::PerceptStatus::Internal`]).
     pub failed: u64,
+    /// Of the refused, those in which nothing of an object was seen ([`crate::PerceptStatus::NothingSeen`]).
+    pub nothing_seen: u64,
+    /// Of the answered, those whose object is more probably of none of the model's classes than of one
+    /// ([`Percept::none_probability`] above one half).
+    pub answered_none: u64,
     /// Observations that were lost before the daemon took them, because their producer's queue was full: gaps in the numbers of the
     /// observations that it took. Not part of `received`. Those before the first and after the last that it took are not known.
     pub overflowed: u64,
@@ -449,13 +530,14 @@ pub struct Status {
     /// The model's name, for people: UTF-8, padded with NUL.
     pub model_name: [u8; 64],
     /// 0.
-    pub reserved: [u8; 12],
+    pub reserved: [u8; 60],
 }
-layout!(Status: 2296 {
-    abi_version @ 0, pid @ 4, daemon_id @ 8, model_id @ 16, started_ns @ 24, heartbeat_ns @ 32, heartbeat_interval_ns @ 40, received @ 48,
-    answered @ 56, dropped @ 64, refused @ 72, failed @ 80, overflowed @ 88, latency_count @ 96, latency_p50_ns @ 104, latency_p90_ns @ 112,
-    latency_p99_ns @ 120, latency_p999_ns @ 128, latency_max_ns @ 136, dims @ 144, class_count @ 156, state @ 160, reloads @ 164,
-    reloads_refused @ 168, class_names @ 172, model_name @ 2220, reserved @ 2284,
+layout!(Status: 2368, reserved from 2308 {
+    abi_version @ 0, pid @ 4, daemon_id @ 8, model_id @ 16, started_ns @ 24, heartbeat_ns @ 32, heartbeat_interval_ns @ 40,
+    answer_number @ 48, received @ 56, answered @ 64, dropped @ 72, refused @ 80, failed @ 88, nothing_seen @ 96, answered_none @ 104,
+    overflowed @ 112, latency_count @ 120, latency_p50_ns @ 128, latency_p90_ns @ 136, latency_p99_ns @ 144, latency_p999_ns @ 152,
+    latency_max_ns @ 160, dims @ 168, class_count @ 180, state @ 184, reloads @ 188, reloads_refused @ 192, class_names @ 196,
+    model_name @ 2244, reserved @ 2308,
 });
 
 impl Status {
@@ -468,11 +550,14 @@ impl Status {
         started_ns: 0,
         heartbeat_ns: 0,
         heartbeat_interval_ns: 0,
+        answer_number: 0,
         received: 0,
         answered: 0,
         dropped: 0,
         refused: 0,
         failed: 0,
+        nothing_seen: 0,
+        answered_none: 0,
         overflowed: 0,
         latency_count: 0,
         latency_p50_ns: 0,
@@ -487,7 +572,7 @@ impl Status {
         reloads_refused: 0,
         class_names: [[0; NAME_LEN]; MAX_CLASSES],
         model_name: [0; 64],
-        reserved: [0; 12],
+        reserved: [0; 60],
     };
 
     /// Observations that were taken and not yet answered, refused or dropped.
@@ -518,7 +603,7 @@ mod tests {
         ];
         assert_eq!(
             hashes.map(|hash| format!("{hash:016x}")),
-            ["fda188ed98f418bd", "fec395a92f4fab4f", "62bc3d26b09377a5", "afcef3a2f37815de", "ecd0d4786662758d",]
+            ["74fdf0008c04dc9d", "fec395a92f4fab4f", "4ba7458eb99f2dd2", "67df1109af4ea55e", "fa9d4a7a2012470a",]
         );
     }
 

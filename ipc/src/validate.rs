@@ -2,7 +2,7 @@
 //!
 //! The voxels themselves are checked by the daemon while it copies them: a producer could change them after any earlier check.
 
-use crate::codes::{CompletionFrame, Outside, PerceptStatus, PoseSearch, ScaleSearch, View, tasks};
+use crate::codes::{CompletionFrame, Outside, PerceptStatus, PoseSearch, ScaleSearch, Unit, View, cut, tasks};
 use crate::limits::{MAX_DIM, MIN_DIM, voxel_count};
 use crate::messages::{ABI_VERSION, ObservationHeader, Percept};
 use crate::text::to_field;
@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-12;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The producer was built for another version of the messages.
-    #[error("abi_version is {0}; this daemon speaks {ABI_VERSION}")]
+    #[error("abi_version is {0}; this daemon speaks version {ABI_VERSION}: build both from the same release")]
     UnknownVersion(u32),
     /// An axis is outside the limits.
     #[error("dims are {dims:?}; each axis must have {MIN_DIM} to {MAX_DIM} voxels")]
@@ -74,6 +74,27 @@ pub enum Refusal {
     /// Negative, NaN or infinite.
     #[error("known_side_m is {0}; it must be positive and finite, or 0 for not known")]
     BadSide(f32),
+    /// Negative, NaN or infinite.
+    #[error("{field} is {value}; it must be finite and not negative, 0 for {meaning_of_0}")]
+    BadDeviation {
+        /// The field's name.
+        field: &'static str,
+        /// What it is.
+        value: f32,
+        /// How to say that there is nothing to say.
+        meaning_of_0: &'static str,
+    },
+    /// Outside 0 to 1, or NaN.
+    #[error("{field} is {value}; it must be a share from 0 to 1")]
+    BadShare {
+        /// The field's name.
+        field: &'static str,
+        /// What it is.
+        value: f32,
+    },
+    /// The producer asks for something that this release does not know, or did not clear the header.
+    #[error("byte {0} of reserved is not 0: clear the header first, or use a daemon of the producer's release")]
+    Reserved(usize),
     /// A number that this version does not know.
     #[error("{field} is {code}; this daemon knows no such choice")]
     UnknownCode {
@@ -82,6 +103,9 @@ pub enum Refusal {
         /// What it is.
         code: u32,
     },
+    /// No voxel is filled.
+    #[error("nothing of an object is seen: no voxel is filled")]
+    NothingSeen,
     /// Known, but not by this daemon and model.
     #[error("pose_search {0:?} is not supported by this daemon")]
     PoseSearchNotSupported(PoseSearch),
@@ -110,7 +134,11 @@ impl Refusal {
             | Self::BadConcentration(_)
             | Self::NoSensor
             | Self::BadSide(_)
+            | Self::BadDeviation { .. }
+            | Self::BadShare { .. }
+            | Self::Reserved(_)
             | Self::UnknownCode { .. } => PerceptStatus::BadHeader,
+            Self::NothingSeen => PerceptStatus::NothingSeen,
             Self::PoseSearchNotSupported(_) => PerceptStatus::PoseSearchNotSupported,
             Self::Expired { .. } => PerceptStatus::Expired,
             Self::Internal(_) => PerceptStatus::Internal,
@@ -132,7 +160,11 @@ impl Refusal {
             | Self::BadConcentration(_)
             | Self::NoSensor
             | Self::BadSide(_)
+            | Self::BadDeviation { .. }
+            | Self::BadShare { .. }
+            | Self::Reserved(_)
             | Self::UnknownCode { .. }
+            | Self::NothingSeen
             | Self::Internal(_) => 0,
         }
     }
@@ -145,6 +177,10 @@ impl Percept {
         percept.status = refusal.status().code();
         percept.detail = refusal.detail();
         percept.explanation = to_field(&refusal.to_string());
+        percept.cut &= cut::ALL;
+        if Unit::from_code(percept.unit).is_none() {
+            percept.unit = Self::EMPTY.unit;
+        }
         if check_placement(observation).is_err() {
             percept.position_m = Self::EMPTY.position_m;
             percept.orientation = Self::EMPTY.orientation;
@@ -175,9 +211,15 @@ pub fn validate(header: &ObservationHeader, payload_len: usize) -> Result<usize,
     check_code("view", header.view, View::from_code(header.view).is_some())?;
     check_code("continues", header.continues, header.continues <= 1)?;
     check_code("scale_search", header.scale_search, ScaleSearch::from_code(header.scale_search).is_some())?;
+    check_code("unit", header.unit, Unit::from_code(header.unit).is_some())?;
+    check_code("cut", header.cut, header.cut & !cut::ALL == 0)?;
     check_rotation_prior(header)?;
     check_sensor(header)?;
-    Ok(voxels)
+    check_readings(header)?;
+    match header.reserved.iter().position(|byte| *byte != 0) {
+        Some(place) => Err(Refusal::Reserved(place)),
+        None => Ok(voxels),
+    }
 }
 
 /// Fails if the header has a deadline that lies before `now_ns` (CLOCK_MONOTONIC): to be asked when the observation's turn comes.
@@ -227,7 +269,23 @@ fn check_sensor(header: &ObservationHeader) -> Result<(), Refusal> {
     if header.scale_search == ScaleSearch::Search.code() && !(side.is_finite() && side >= 0.0) {
         return Err(Refusal::BadSide(side));
     }
+    if header.scale_search == ScaleSearch::Search.code() && side > 0.0 {
+        check_deviation("known_side_deviation_m", header.known_side_deviation_m, "exact")?;
+    }
     Ok(())
+}
+
+/// What the producer says of the readings that the grid was made of.
+fn check_readings(header: &ObservationHeader) -> Result<(), Refusal> {
+    let shares = [("share_support", header.share_support), ("share_edge", header.share_edge), ("share_far", header.share_far)];
+    if let Some((field, value)) = shares.into_iter().find(|(_, value)| !(0.0..=1.0).contains(value)) {
+        return Err(Refusal::BadShare { field, value });
+    }
+    check_deviation("surface_deviation_m", header.surface_deviation_m, "not said")
+}
+
+fn check_deviation(field: &'static str, value: f32, meaning_of_0: &'static str) -> Result<(), Refusal> {
+    if value.is_finite() && value >= 0.0 { Ok(()) } else { Err(Refusal::BadDeviation { field, value, meaning_of_0 }) }
 }
 
 fn check_unit(field: &'static str, quaternion: [f64; 4]) -> Result<(), Refusal> {
@@ -343,6 +401,38 @@ mod tests {
     }
 
     #[test]
+    fn shares_deviations_and_reserved_bytes_out_of_range_are_refused() {
+        type Field = (&'static str, fn(&mut ObservationHeader) -> &mut f32);
+        let shares: [Field; 3] = [
+            ("share_support", |header| &mut header.share_support),
+            ("share_edge", |header| &mut header.share_edge),
+            ("share_far", |header| &mut header.share_far),
+        ];
+        for (name, field) in shares {
+            for bad in [f32::NAN, f32::INFINITY, -0.01, 1.01] {
+                let refusal = refusal(|header| *field(header) = bad);
+                assert!(matches!(refusal, Refusal::BadShare { field, .. } if field == name), "{name} {bad}");
+                assert_eq!(refusal.status(), PerceptStatus::BadHeader);
+            }
+        }
+        for bad in [f32::NAN, f32::INFINITY, -0.001] {
+            let noisy = refusal(|header| header.surface_deviation_m = bad);
+            assert!(matches!(noisy, Refusal::BadDeviation { field: "surface_deviation_m", .. }), "{bad}");
+            let searched = |header: &mut ObservationHeader| {
+                (header.scale_search, header.known_side_m, header.known_side_deviation_m) = (ScaleSearch::Search.code(), 0.1, bad);
+            };
+            assert!(matches!(refusal(searched), Refusal::BadDeviation { field: "known_side_deviation_m", .. }), "{bad}");
+        }
+        assert_eq!(refusal(|header| header.reserved[55] = 1), Refusal::Reserved(55));
+        let mut header = ObservationHeader::new(DIMS);
+        (header.share_support, header.share_edge, header.share_far) = (1.0, 0.0, 0.5);
+        (header.surface_deviation_m, header.unit, header.cut) = (0.002, Unit::Metres.code(), cut::ALL);
+        // Not read, as no side is known.
+        header.known_side_deviation_m = f32::NAN;
+        assert_eq!(validate(&header, LEN), Ok(LEN));
+    }
+
+    #[test]
     fn quaternions_that_are_not_unit_are_refused() {
         for bad in [[0.0; 4], [0.0, 0.0, 0.0, 2.0], [0.5; 4].map(|value| value * 1.01), [1.0; 4], [f64::MAX; 4]] {
             let refusal = refusal(|header| header.orientation = bad);
@@ -393,13 +483,15 @@ mod tests {
 
     #[test]
     fn unknown_versions_and_choices_are_refused() {
-        for version in [0, 2, u32::MAX] {
+        for version in [0, 1, 3, u32::MAX] {
             let refusal = refusal(|header| header.abi_version = version);
             assert_eq!((refusal.status(), refusal.detail()), (PerceptStatus::UnknownVersion, u64::from(version)));
         }
         type Change = fn(&mut ObservationHeader, u32);
-        let fields: [(&str, u32, Change); 7] = [
-            ("pose_search", 3, |header, code| header.pose_search = code),
+        let fields: [(&str, u32, Change); 9] = [
+            ("unit", 2, |header, code| header.unit = code),
+            ("cut", 4, |header, code| header.cut = code),
+            ("pose_search", 4, |header, code| header.pose_search = code),
             ("tasks", 8, |header, code| header.tasks = code),
             ("completion_frame", 2, |header, code| header.completion_frame = code),
             ("outside", 2, |header, code| header.outside = code),
@@ -429,9 +521,12 @@ mod tests {
         assert_eq!(from_field(&percept.explanation), "voxel 123 is 7; it must be 0 (empty), 1 (filled) or 255 (unknown)");
 
         header.position_m[1] = f64::NAN;
+        (header.cut, header.unit) = (u32::MAX, u32::MAX);
         let refusal = validate(&header, LEN).unwrap_err();
         let percept = Percept::refusing(&header, &refusal);
         assert_eq!(percept.position_m, [0.0; 3]);
+        assert_eq!((percept.cut, percept.unit), (cut::ALL, 0));
+        assert_eq!((percept.none_probability, percept.fit), (crate::NOT_COMPUTED, crate::NOT_COMPUTED));
         assert_eq!(from_field(&percept.explanation), "position_m is not finite");
 
         let percept = Percept::refusing(&header, &Refusal::DimsNotOfModel { dims: DIMS, model: [30, 31, 32] });
@@ -451,6 +546,11 @@ mod tests {
             Refusal::BadVoxelSize(-f32::from_bits(1)),
             Refusal::BadVoxelSize(f32::MIN),
             Refusal::Expired { late_ns: u64::MAX },
+            Refusal::BadDeviation { field: "known_side_deviation_m", value: f32::MIN, meaning_of_0: "not said" },
+            Refusal::BadShare { field: "share_support", value: f32::MIN },
+            Refusal::Reserved(55),
+            Refusal::UnknownVersion(u32::MAX),
+            Refusal::NothingSeen,
         ];
         for refusal in long {
             let text = refusal.to_string();

@@ -36,7 +36,7 @@ fn answer(header: &ObservationHeader, voxels: &[u8]) -> Percept {
     for (class, probability) in [0, 1, 255].into_iter().zip(&mut percept.posterior) {
         *probability = voxels.iter().filter(|&&voxel| voxel == class).count() as f32 / voxels.len() as f32;
     }
-    percept.log_evidence[1] = -3.5;
+    percept.log_score[1] = -3.5;
     percept.hypothesis_count = 1;
     percept.hypotheses[0].rotation_object_to_grid = [0.0, 0.6, 0.0, 0.8];
     percept.hypotheses[0].probability = 0.25;
@@ -111,9 +111,9 @@ fn check_percept(percept: &Percept) {
         written_ns: percept.written_ns,
         ..template()
     };
-    let expected = Percept { daemon_id: percept.daemon_id, published_ns: percept.published_ns, ..answer(&header, &voxels) };
-    assert_eq!(*percept, expected);
-    assert!(percept.daemon_id != 0 && percept.producer_id != 0);
+    let Percept { daemon_id, answer_number, published_ns, .. } = *percept;
+    assert_eq!(*percept, Percept { daemon_id, answer_number, published_ns, ..answer(&header, &voxels) });
+    assert!(percept.daemon_id != 0 && percept.answer_number != 0 && percept.producer_id != 0);
     assert!(0 < percept.capture_ns && percept.capture_ns <= percept.written_ns && percept.written_ns <= percept.published_ns);
 }
 
@@ -521,7 +521,7 @@ fn a_hostile_header_is_refused_and_its_percept_says_why() {
         (|header| header.dims = [30, 30, 31], PerceptStatus::BadDims, "the payload has 27000 bytes"),
         (|header| header.position_m[2] = f64::NAN, PerceptStatus::BadHeader, "position_m is not finite"),
         (|header| header.orientation = [0.0; 4], PerceptStatus::BadHeader, "orientation has norm 0e0;"),
-        (|header| header.abi_version = 2, PerceptStatus::UnknownVersion, "abi_version is 2"),
+        (|header| header.abi_version = 1, PerceptStatus::UnknownVersion, "abi_version is 1; this daemon speaks version 2"),
     ];
     for (change, status, explanation) in cases {
         let mut loan = producer.loan().unwrap();
@@ -652,6 +652,49 @@ fn another_message_layout_is_refused_by_clients_and_daemon() {
     let error = Subscriber::open(&instance, &WITH_COMPLETION).unwrap_err();
     assert!(matches!(error, OpenError::OtherVersion { .. }), "{error}");
     drop(service);
+}
+
+/// Stands for the percepts of the version before.
+#[derive(Debug, Clone, Copy, ZeroCopySend)]
+#[repr(C)]
+#[type_name("beo.v1.Percept")]
+struct PerceptOfVersion1([u64; 150]);
+
+#[test]
+fn a_peer_of_another_version_is_told_both_versions_in_one_line() {
+    let instance = instance("version");
+    let node = NodeBuilder::new()
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .config(&beo_ipc::node::config())
+        .create::<ipc_threadsafe::Service>()
+        .unwrap();
+    let service = node.service_builder(&instance.percept().as_str().try_into().unwrap()).publish_subscribe::<PerceptOfVersion1>();
+    let _service = service.create().unwrap();
+    for error in [
+        Subscriber::open(&instance, &SubscriberOptions::default()).unwrap_err(),
+        Producer::open(&instance, &template()).unwrap_err(),
+        Server::open(&instance, &ServerOptions::new(DIMS)).unwrap_err(),
+    ] {
+        let text = error.to_string();
+        assert!(matches!(error, OpenError::OtherVersion { .. }) && text.lines().count() == 1, "{text}");
+        for part in [&instance.percept(), "version 1", "beo.v1.Percept", "version 2", "rebuild both"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+    }
+}
+
+#[test]
+fn every_percept_has_the_next_number_of_its_daemon_and_the_status_the_last() {
+    let instance = instance("numbers");
+    let server = Server::open(&instance, &ServerOptions::new(DIMS)).unwrap();
+    let subscriber = Subscriber::open(&instance, &SubscriberOptions::default()).unwrap();
+    for _ in 0..40 {
+        server.publish(&Percept::answering(&template())).unwrap();
+    }
+    let numbers: Vec<u64> = std::iter::from_fn(|| subscriber.take_percept().unwrap()).map(|percept| percept.answer_number).collect();
+    assert_eq!(numbers, (9..=40).collect::<Vec<_>>(), "32 are kept: that 8 are gone is seen by their numbers");
+    server.publish_status(&Status { answer_number: 7, ..status() }).unwrap();
+    assert_eq!(subscriber.status().unwrap().unwrap().answer_number, 40);
 }
 
 #[test]

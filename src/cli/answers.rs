@@ -1,10 +1,10 @@
 //! Answers of a daemon, read from shared memory and put into words and JSON.
 
 use super::failure::Failure;
-use super::perceive::describe_pose;
+use super::wording::describe_pose;
 use beo_core::grid::{Rotation, from_xyzw};
 use beo_ipc::text::from_field;
-use beo_ipc::{Completion, Hypothesis, Percept, PerceptStatus, Status, Subscriber, tasks};
+use beo_ipc::{Completion, Hypothesis, NO_RESTING_POSE, NOT_COMPUTED, Percept, PerceptStatus, Status, Subscriber, cut, tasks};
 use serde_json::json;
 use std::collections::BTreeMap;
 
@@ -58,6 +58,8 @@ pub fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Stat
         "sequence": percept.sequence,
         "producer_id": percept.producer_id,
         "object_id": percept.object_id,
+        "answer_number": percept.answer_number,
+        "cut": cut::words(percept.cut).collect::<Vec<_>>(),
         "sensor_stamp_ns": percept.sensor_stamp_ns,
         "latency_us": latency_us(percept, read_ns),
     });
@@ -65,6 +67,12 @@ pub fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Stat
         let posterior: BTreeMap<&str, f32> = (0..classes(percept)).map(|s| (class_name(status, s as u32), percept.posterior[s])).collect();
         line["class"] = class_name(status, percept.class_index).into();
         line["posterior"] = json!(posterior);
+        let log_score: BTreeMap<&str, f32> = (0..classes(percept)).map(|s| (class_name(status, s as u32), percept.log_score[s])).collect();
+        line["log_score"] = json!(log_score);
+        line["none_probability"] = computed(percept.none_probability);
+        line["fit"] = computed(percept.fit);
+        line["resting_pose"] = (percept.resting_pose != NO_RESTING_POSE).then_some(percept.resting_pose).into();
+        line["filtered"] = (percept.filtered != 0).into();
         let hypothesis = |h: &Hypothesis| json!({ "rotation": h.rotation_object_to_grid, "class": class_name(status, h.class_index), "probability": h.probability });
         line["hypotheses"] = hypotheses(percept).iter().map(hypothesis).collect();
         line["rotation_spread_rad"] = percept.rotation_spread_rad.into();
@@ -84,9 +92,17 @@ pub fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Stat
     line.to_string()
 }
 
+/// A value that was computed, or null.
+fn computed(value: f32) -> serde_json::Value {
+    if value == NOT_COMPUTED { serde_json::Value::Null } else { value.into() }
+}
+
 /// A line for people.
 pub fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Status, read_ns: u64) -> String {
     let latency = latency_us(percept, read_ns) / 1e3;
+    if percept.status == PerceptStatus::NothingSeen.code() {
+        return format!("#{} {}, {latency:.2} ms", percept.sequence, from_field(&percept.explanation));
+    }
     if percept.status != PerceptStatus::Ok.code() {
         return format!("#{} refused: {}", percept.sequence, from_field(&percept.explanation));
     }
@@ -103,10 +119,16 @@ pub fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Stat
         }
         _ => String::new(),
     };
-    format!("#{} {name} {:.1} % ({}){pose}, {completed}, {latency:.2} ms", percept.sequence, 100.0 * p, others.join(", "))
+    let none =
+        if percept.none_probability >= 0.0 { format!(", none of these {:.1} %", 100.0 * percept.none_probability) } else { String::new() };
+    let cut: Vec<&str> = cut::words(percept.cut).collect();
+    let cut = if cut.is_empty() { String::new() } else { format!(", cut by {}", cut.join(" and ")) };
+    let others = others.join(", ");
+    format!("#{} {name} {:.1} % ({others}{none}){cut}{pose}, {completed}, {latency:.2} ms", percept.sequence, 100.0 * p)
 }
 
 /// Class and probability, for where there is little room.
+#[cfg(feature = "record")]
 pub fn label(percept: &Percept, status: &Status) -> String {
     let p = percept.posterior.get(percept.class_index as usize).copied().unwrap_or(0.0);
     format!("{} {:.0} %", class_name(status, percept.class_index), 100.0 * p)

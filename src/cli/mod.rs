@@ -23,6 +23,7 @@ mod observe;
 mod perceive;
 mod pictures;
 mod progress;
+#[cfg(feature = "record")]
 mod record;
 mod reload;
 mod serve;
@@ -31,6 +32,7 @@ mod status;
 mod stop;
 mod train;
 mod watch;
+mod wording;
 
 pub use serve::Configuration;
 
@@ -69,6 +71,7 @@ enum Command {
     Observe(observe::Observe),
     Camera(camera::Camera),
     Watch(watch::Watch),
+    #[cfg(feature = "record")]
     Record(record::Record),
     #[cfg(feature = "lab")]
     Demo(demo::Demo),
@@ -110,6 +113,7 @@ pub fn run() -> ExitCode {
         Command::Observe(command) => command.run(),
         Command::Camera(command) => command.run(),
         Command::Watch(command) => command.run(),
+        #[cfg(feature = "record")]
         Command::Record(command) => command.run(),
         #[cfg(feature = "lab")]
         Command::Demo(command) => command.run(),

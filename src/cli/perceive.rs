@@ -4,12 +4,14 @@ use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
 use super::pictures::{PictureArguments, Shown};
 use super::shapes::{CameraArguments, MeshArguments, ViewArgument};
-use beo_core::grid::{Rotation, to_xyzw, yaw_of};
+use super::wording::describe_pose;
+use beo_core::grid::to_xyzw;
 use beo_core::perception::{Hypothesis, Method, Perceiver, Percept, PoseSearch, Query};
+use beo_ipc::Refusal;
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Answer shapes or partial grids without a daemon
 #[derive(Args)]
@@ -55,19 +57,6 @@ pub struct Perceive {
     mesh: MeshArguments,
 }
 
-/// A rotation for people: its angle, its axis unless that is z, and how far the posterior spreads.
-pub fn describe_pose(rotation: &Rotation, spread: f64) -> String {
-    let spread = spread.to_degrees();
-    let about_z = rotation.i.abs().max(rotation.j.abs()) < 1e-6;
-    match rotation.axis_angle() {
-        Some((axis, angle)) if !about_z => {
-            let [x, y, z] = [axis.x, axis.y, axis.z];
-            format!("turned by {:.0}° about ({x:.2}, {y:.2}, {z:.2}) ± {spread:.0}°", angle.to_degrees())
-        }
-        _ => format!("turned by {:.0}° ± {spread:.0}°", yaw_of(rotation).to_degrees()),
-    }
-}
-
 impl Perceive {
     /// Runs the command. Files that cannot be answered are named; the others are answered all the same.
     pub fn run(self) -> Result<(), Failure> {
@@ -96,6 +85,9 @@ impl Perceive {
                 query.camera = source.camera();
                 let observation = source.turned_by(self.turn.to_radians());
                 perceiver.classify(&observation, &query, &mut work, &mut percept)?;
+                if !percept.informed {
+                    return Ok(());
+                }
                 perceiver.complete(&query, &mut work, &mut percept)?;
                 if self.pictures.is_wanted() {
                     let name = file.file_stem().unwrap_or_default().to_string_lossy();
@@ -108,17 +100,26 @@ impl Perceive {
                 failed += 1;
                 continue;
             }
+            if !percept.informed {
+                self.say_nothing_seen(file)?;
+                continue;
+            }
             let filled = percept.occupancy.iter().filter(|p| **p >= 0.5).count();
             let posterior: BTreeMap<&str, f64> = names.iter().copied().zip(percept.posterior.iter().copied()).collect();
             if self.json {
-                let scores: BTreeMap<&str, f64> = names.iter().copied().zip(percept.scores.iter().copied()).collect();
+                let log_score: BTreeMap<&str, f64> = names.iter().copied().zip(percept.scores.iter().copied()).collect();
                 let hypothesis =
                     |h: &Hypothesis| json!({ "rotation": to_xyzw(&h.rotation), "class": names[h.class], "probability": h.probability });
                 let line = json!({
                     "file": file.display().to_string(),
                     "class": names[percept.class],
                     "posterior": posterior,
-                    "scores": scores,
+                    "log_score": log_score,
+                    "none_probability": null,
+                    "fit": null,
+                    "resting_pose": null,
+                    "filtered": false,
+                    "cut": [],
                     "hypotheses": percept.hypotheses.iter().map(hypothesis).collect::<Vec<_>>(),
                     "rotation_spread_rad": percept.spread,
                     "completion": { "dims": <[usize; 3]>::from(model.dims()), "filled": filled },
@@ -140,5 +141,22 @@ impl Perceive {
             0 => Ok(()),
             _ => Err(Failure::Failed(format!("{failed} of {} files could not be answered", self.files.len()))),
         }
+    }
+    /// The answer to a grid without an object: no class.
+    fn say_nothing_seen(&self, file: &Path) -> Result<(), Failure> {
+        let reason = Refusal::NothingSeen;
+        if self.json {
+            let line = json!({
+                "file": file.display().to_string(),
+                "class": null,
+                "posterior": {},
+                "refused": reason.to_string(),
+                "completion": null,
+            });
+            say!("{line}");
+        } else {
+            say!("{}: {reason}", file.display());
+        }
+        Ok(())
     }
 }

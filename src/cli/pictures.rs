@@ -2,7 +2,7 @@
 
 use super::answers::{class_name, classes, hypotheses, posed};
 use super::failure::{Failure, cannot_write};
-use super::perceive::describe_pose;
+use super::wording::describe_pose;
 use crate::export::{GridPlacement, ply_of_points, ply_of_surface, points_of, save, surface_of};
 use beo_core::grid::{Dims, Observation, Rotation, from_xyzw};
 use beo_core::perception;

@@ -7,9 +7,12 @@ use beo_core::grid::{Observation, Rotation, from_xyzw, to_xyzw};
 use beo_core::model::Model;
 use beo_core::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
+use beo_ipc::tasks;
 use beo_ipc::text::to_field;
 use beo_ipc::validate::check_deadline;
-use beo_ipc::{Hypothesis, LoanError, ObservationHeader, Percept, PerceptStatus, PoseSearch, Refusal, Server, tasks};
+use beo_ipc::{
+    Hypothesis, LoanError, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, PerceptStatus, PoseSearch, Refusal, Server,
+};
 use nalgebra::Vector3;
 use std::sync::Arc;
 use std::time::Duration;
@@ -63,7 +66,7 @@ impl Answerer {
     }
 
     /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be
-    /// published after it. One whose deadline has passed is refused.
+    /// published after it. One whose deadline has passed, or in which nothing of an object is seen, is refused.
     pub fn answer(&mut self, server: &Server, waiting: &Waiting) -> Percept {
         let header = &waiting.header;
         if let Err(refusal) = check_deadline(header, monotonic_ns()) {
@@ -74,6 +77,10 @@ impl Answerer {
         let started_ns = monotonic_ns();
         if let Err(error) = self.classify(waiting) {
             return internal(percept, &error.to_string());
+        }
+        if !self.percept.informed {
+            let refusing = Percept::refusing(header, &Refusal::NothingSeen);
+            return Percept { received_ns: percept.received_ns, model_id: percept.model_id, ..refusing };
         }
         let answer = &self.percept;
         let stamp = |since: Duration| started_ns + since.as_nanos() as u64;
@@ -87,7 +94,7 @@ impl Answerer {
         percept.tasks = tasks::CLASS | tasks::POSE;
         for s in 0..classes {
             percept.posterior[s] = answer.posterior[s] as f32;
-            percept.log_evidence[s] = answer.scores.get(s).copied().unwrap_or(0.0) as f32;
+            percept.log_score[s] = answer.scores.get(s).copied().unwrap_or(0.0) as f32;
         }
         percept.hypothesis_count = answer.hypotheses.len().min(percept.hypotheses.len()) as u32;
         for (field, h) in percept.hypotheses.iter_mut().zip(&answer.hypotheses) {
@@ -96,6 +103,9 @@ impl Answerer {
         }
         percept.rotation_spread_rad = answer.spread as f32;
         place(&mut percept, answer);
+        let beyond = BeyondClass::of(answer);
+        (percept.none_probability, percept.fit) = (beyond.none_probability, beyond.fit);
+        (percept.resting_pose, percept.filtered) = (beyond.resting_pose, u32::from(beyond.is_filtered));
         if header.tasks & tasks::COMPLETION != 0 {
             match self.complete(server, waiting) {
                 Ok(()) => {
@@ -135,6 +145,7 @@ impl Answerer {
         header.class_index = self.percept.class as u32;
         header.method = method_code(self.query.method).code();
         header.rotation_object_to_grid = quaternion(&self.percept.rotation);
+        header.none_probability = BeyondClass::of(&self.percept).none_probability;
         header.frame = waiting.header.completion_frame;
         if self.query.frame == Frame::Object {
             // The canonical grid lies elsewhere and has other voxels where size and place were searched.
@@ -145,6 +156,21 @@ impl Answerer {
         let completed = self.perceiver.complete_into(&self.query, &mut self.work, &mut self.percept, occupancy, deviation);
         completed.map_err(|error| error.to_string())?;
         loan.send().map_err(|error| error.to_string())
+    }
+}
+
+/// What an answer says besides class, pose, size and place.
+struct BeyondClass {
+    none_probability: f32,
+    fit: f32,
+    resting_pose: u32,
+    is_filtered: bool,
+}
+
+impl BeyondClass {
+    /// Perception does not compute these yet, and the messages say so. The one place where they are taken from its answer.
+    fn of(_answer: &perception::Percept) -> Self {
+        Self { none_probability: NOT_COMPUTED, fit: NOT_COMPUTED, resting_pose: NO_RESTING_POSE, is_filtered: false }
     }
 }
 
@@ -174,6 +200,10 @@ fn position(centre: [f64; 3], orientation: [f64; 4], point: &Vector3<f64>) -> [f
 pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method) -> Option<Refusal> {
     if header.dims != model {
         return Some(Refusal::DimsNotOfModel { dims: header.dims, model });
+    }
+    // This model has learned no resting poses.
+    if header.pose_search == PoseSearch::Rest.code() {
+        return Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest));
     }
     // The paper's method projects the observation once for each of two thousand rotations: half a minute, all others waiting.
     let too_slow = header.pose_search == PoseSearch::Full.code() && method == Method::Paper;

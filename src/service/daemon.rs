@@ -173,8 +173,10 @@ impl Daemon {
         let failed = percept.status == PerceptStatus::Internal.code();
         if percept.status == PerceptStatus::Ok.code() {
             self.status.answered += 1;
+            self.status.answered_none += u64::from(percept.none_probability > 0.5);
         } else {
             self.status.refused += 1;
+            self.status.nothing_seen += u64::from(percept.status == PerceptStatus::NothingSeen.code());
         }
         if failed {
             self.status.failed += 1;

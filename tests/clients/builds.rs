@@ -33,7 +33,7 @@ fn the_shared_library_exports_our_symbols_alone_under_its_soname() {
     assert!(declared.len() > 15 && declared.iter().all(|name| names.contains(name)), "{declared:?}");
     let mut readelf = Command::new("readelf");
     readelf.arg("--dynamic").arg(&library);
-    assert!(text(&run(readelf).stdout).contains("[libbeo.so.1]"));
+    assert!(text(&run(readelf).stdout).contains("[libbeo.so.2]"));
 }
 
 #[test]
@@ -56,7 +56,7 @@ fn pkg_config_gives_the_line_that_builds_shared_and_static() {
         command.args(arguments).arg("beo").env("PKG_CONFIG_PATH", prefix().join("lib/pkgconfig"));
         text(&run(command).stdout).trim().to_owned()
     };
-    assert_eq!(flags(&["--modversion"]), "1.0.0");
+    assert_eq!(flags(&["--modversion"]), "2.0.0");
     let build = |name: &str, flags: String| {
         let program = scratch("bin").join(name);
         let mut command = Command::new(std::env::var_os("CC").unwrap_or("cc".into()));

@@ -70,7 +70,7 @@ fn all_languages_send_the_same_grids_of_the_same_frames() {
             let dot: f64 = a.orientation.iter().zip(b.orientation).map(|(x, y)| x * y).sum();
             assert!(1.0 - dot.abs() <= close, "{language}: {:?} {:?}", a.orientation, b.orientation);
             let same = |header: &ObservationHeader| {
-                let codes = [header.view, header.outside, header.scale_search, header.pose_search, header.tasks];
+                let codes = [header.view, header.outside, header.scale_search, header.pose_search, header.tasks, header.unit, header.cut];
                 (header.object_id, header.dims, codes, header.frame_id)
             };
             assert_eq!(same(a), same(b), "{language}");

@@ -168,6 +168,7 @@ static void from_depth_to_a_grid(void) {
     BAD_OPTION(share, 1.5);
     BAD_OPTION(known_side_m, -1);
     BAD_OPTION(known_side_m, (double)NAN);
+    BAD_OPTION(known_side_deviation_m, -1);
     BAD_OPTION(reserved, 1);
 
     GIVES(BEO_STATUS_OK, beo_fit_support(&frame, &options, &plane));
@@ -217,8 +218,21 @@ static void from_depth_to_a_grid(void) {
     no_grid.position_m[0] = 0;
     no_grid.voxel_size_m = 1e-60;
     GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_of_grid(&no_grid, NULL, &header));
+    no_grid = grid;
+    no_grid.cut = 4;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_of_grid(&no_grid, NULL, &header));
+    no_grid.cut = 0;
+    no_grid.share_edge = 1.5;
+    GIVES(BEO_STATUS_INVALID_ARGUMENT, beo_observation_header_of_grid(&no_grid, NULL, &header));
+    MUST(strstr(beo_last_error(), "share_edge") != NULL);
     options.known_side_m = 0.25;
+    options.known_side_deviation_m = 0.5;
+    grid.cut = BEO_CUT_BORDER | BEO_CUT_OCCLUDER;
+    grid.share_support = 0.125;
+    grid.surface_deviation_m = 0.25;
     GIVES(BEO_STATUS_OK, beo_observation_header_of_grid(&grid, &options, &header));
+    MUST(header.unit == BEO_UNIT_METRES && header.cut == 3 && header.share_support == 0.125f && header.surface_deviation_m == 0.25f);
+    MUST(header.known_side_deviation_m == 0.5f);
     MUST(header.view == BEO_VIEW_CAMERA && header.outside == BEO_OUTSIDE_UNKNOWN && header.scale_search == BEO_SCALE_SEARCH_SEARCH);
     MUST(header.pose_search == BEO_POSE_SEARCH_YAW && header.dims[1] == SIDE && header.known_side_m == 0.25f);
     /* Up is towards the camera: it is above the grid. */

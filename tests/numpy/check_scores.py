@@ -314,8 +314,8 @@ def differences(answer, expected, names):
     raw, posterior, filled = expected
     theirs = np.array([answer["posterior"][c] for c in names])
     score = None
-    if "scores" in answer:
-        scores = np.array([answer["scores"][c] for c in names])
+    if "log_score" in answer:
+        scores = np.array([answer["log_score"][c] for c in names])
         score = (np.abs(scores - raw) / np.maximum(1, np.abs(raw))).max()
     other = int(answer["class"] != names[posterior.argmax()])
     return np.abs(theirs - posterior).max(), score, other, abs(answer["completion"]["filled"] - filled)
@@ -357,7 +357,7 @@ def check_yaw(model, path, program, files, queries):
         best = scores.max(axis=0)
         s = int((weight * best + offsets).argmax())
         others += answer["class"] != model.names[s]
-        shortfalls.append(weight * (best[s] - answer["scores"][model.names[s]]))
+        shortfalls.append(weight * (best[s] - answer["log_score"][model.names[s]]))
         first = answer["hypotheses"][0]
         if first["probability"] > 0.9:
             yaw = np.degrees(2 * np.arctan2(first["rotation"][2], first["rotation"][3]))

@@ -3,7 +3,7 @@
 use crate::harness::{answer, dims, seen};
 use beo_core::grid::{Observation, Occupancy, Outside, Rotation, Turn, yaw};
 use beo_core::perception::{Method, PoseSearch, Query, RotationPrior};
-use beo_lab::evaluation::protocol::draw_rotation;
+use beo_lab::evaluation::rotations::draw_rotation;
 use beo_shapes::furniture;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI};

@@ -80,7 +80,14 @@ fn spoil(header: &mut ObservationHeader, random: &mut ChaCha8Rng) {
     perhaps!(header.sensor_position_m, [(); 3].map(|()| single(random)));
     perhaps!(header.scale_search, bits(random));
     perhaps!(header.known_side_m, single(random));
-    perhaps!(header.reserved, [random.next_u32() as u8; 4]);
+    perhaps!(header.known_side_deviation_m, single(random));
+    perhaps!(header.unit, bits(random));
+    perhaps!(header.cut, bits(random));
+    perhaps!(header.share_support, single(random));
+    perhaps!(header.share_edge, single(random));
+    perhaps!(header.share_far, single(random));
+    perhaps!(header.surface_deviation_m, single(random));
+    perhaps!(header.reserved, [random.next_u32() as u8; 56]);
 }
 
 #[test]
@@ -151,7 +158,7 @@ fn forged_numbers_and_names_are_answered_and_count_no_losses() {
     let send = |producer_id, sequence| {
         let mut sample = publisher.loan_slice_uninit(RESOLUTION.pow(3)).unwrap();
         *sample.user_header_mut() = ObservationHeader { producer_id, sequence, tasks: tasks::CLASS, ..ObservationHeader::new(DIMS) };
-        sample.write_from_fn(|_| 0).send().unwrap();
+        sample.write_from_fn(|voxel| u8::from(voxel < RESOLUTION.pow(2))).send().unwrap();
         let percept = honest.percept((producer_id, sequence));
         assert_eq!(percept.status, 0, "{}", explanation(&percept));
     };

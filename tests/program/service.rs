@@ -91,6 +91,19 @@ fn what_cannot_be_answered_is_refused_with_a_reason_and_the_next_is_answered() {
     refused(client.ask(|header, _| header.abi_version = 7), PerceptStatus::UnknownVersion, "7");
     refused(client.ask(|header, _| header.rotation_prior_concentration = -1.0), PerceptStatus::BadHeader, "rotation_prior_concentration");
     refused(client.ask(|header, _| header.pose_search = 9), PerceptStatus::BadHeader, "pose_search");
+    refused(client.ask(|header, _| header.cut = 4), PerceptStatus::BadHeader, "cut");
+    refused(client.ask(|header, _| header.unit = 2), PerceptStatus::BadHeader, "unit");
+    refused(client.ask(|header, _| header.share_far = f32::NAN), PerceptStatus::BadHeader, "share_far");
+    refused(client.ask(|header, _| header.reserved[0] = 1), PerceptStatus::BadHeader, "reserved");
+    for voxel in [0, 255] {
+        let nothing = client.ask(|header, voxels| {
+            (header.tasks, header.cut) = (tasks::ALL, beo_ipc::cut::OCCLUDER);
+            voxels.fill(voxel);
+        });
+        assert_eq!((nothing.class_count, nothing.hypothesis_count, nothing.tasks), (0, 0, 0));
+        assert_eq!((nothing.object_extent_m, nothing.cut), ([0.0; 3], beo_ipc::cut::OCCLUDER));
+        refused(nothing, PerceptStatus::NothingSeen, "no voxel is filled");
+    }
 
     let percept = client.ask(|header, voxels| {
         header.object_id = 42;

@@ -46,6 +46,7 @@ struct CameraOptions {
     up: [f64; 3],
     share: f64,
     known_side_m: f64,
+    known_side_deviation_m: f64,
     least_readings: u32,
     reserved: u32,
 }
@@ -58,10 +59,12 @@ type Plane = [f64; 4];
 #[derive(Clone, Copy)]
 struct Grid {
     dims: [u32; 3],
-    reserved: u32,
+    cut: u32,
     voxel_size_m: f64,
     position_m: [f64; 3],
     orientation: [f64; 4],
+    shares: [f64; 3],
+    surface_deviation_m: f64,
 }
 
 unsafe extern "C" {
@@ -248,6 +251,7 @@ impl Program<'_> {
             up: [0.0, -1.0, -1.0].map(|right| self.number(right)),
             share: self.number(0.7),
             known_side_m: self.number(0.0),
+            known_side_deviation_m: self.number(0.0),
             least_readings: self.next().into(),
             reserved: 0,
         };
@@ -255,10 +259,12 @@ impl Program<'_> {
         let mut plane = [0.0, -0.6, -0.8, 0.9].map(|right| self.number(right));
         let mut grid = Grid {
             dims: [SIDE; 3],
-            reserved: 0,
+            cut: if self.given() { 0 } else { self.next().into() },
             voxel_size_m: self.number(0.02),
             position_m: [0.0, 0.0, 0.9].map(|right| self.number(right)),
             orientation: [0.0, 0.0, 0.0, 1.0].map(|right| self.number(right)),
+            shares: [0.25, 0.0, 0.5].map(|right| self.number(right)),
+            surface_deviation_m: self.number(0.002),
         };
         let (mut voxels, mut header) = ([7; VOXELS], ObservationHeader::new([SIDE; 3]));
         // SAFETY: NULL, or locals that outlive the calls; images and voxels have as many values as is said, or more.

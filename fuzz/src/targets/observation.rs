@@ -101,6 +101,13 @@ pub(super) fn header(bytes: &[u8; HEADER]) -> ObservationHeader {
         sensor_position_m: [(); 3].map(|()| f32::from_le_bytes(take(left))),
         scale_search: u32::from_le_bytes(take(left)),
         known_side_m: f32::from_le_bytes(take(left)),
+        known_side_deviation_m: f32::from_le_bytes(take(left)),
+        unit: u32::from_le_bytes(take(left)),
+        cut: u32::from_le_bytes(take(left)),
+        share_support: f32::from_le_bytes(take(left)),
+        share_edge: f32::from_le_bytes(take(left)),
+        share_far: f32::from_le_bytes(take(left)),
+        surface_deviation_m: f32::from_le_bytes(take(left)),
         reserved: take(left),
     };
     assert!(left.is_empty(), "every field was read");
@@ -134,6 +141,9 @@ fn bytes_of(header: &ObservationHeader) -> Vec<u8> {
     header.rotation_prior.iter().chain(&header.sensor_position_m).for_each(|value| put(&value.to_le_bytes()));
     put(&header.scale_search.to_le_bytes());
     put(&header.known_side_m.to_le_bytes());
+    put(&header.known_side_deviation_m.to_le_bytes());
+    [header.unit, header.cut].iter().for_each(|value| put(&value.to_le_bytes()));
+    [header.share_support, header.share_edge, header.share_far, header.surface_deviation_m].iter().for_each(|value| put(&value.to_le_bytes()));
     put(&header.reserved);
     bytes
 }
@@ -157,6 +167,9 @@ pub fn seeds() -> Vec<Vec<u8>> {
                 completion_frame: variant & 1,
                 rotation_prior: [0.0, 0.6, 0.0, 0.8],
                 rotation_prior_concentration: 4.0 * variant as f32,
+                unit: variant & 1,
+                cut: variant,
+                share_edge: 0.25 * variant as f32,
                 ..good
             };
             let mut bytes = bytes_of(&header);

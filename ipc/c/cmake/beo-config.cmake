@@ -30,7 +30,7 @@ if(NOT TARGET beo::beo)
         add_library(beo::beo SHARED IMPORTED)
         set_target_properties(beo::beo PROPERTIES
             IMPORTED_LOCATION "${BEO_SHARED_LIBRARY}"
-            IMPORTED_SONAME libbeo.so.1
+            IMPORTED_SONAME libbeo.so.2
             INTERFACE_INCLUDE_DIRECTORIES "${BEO_INCLUDE_DIR}")
     else()
         add_library(beo::beo ALIAS beo::static)

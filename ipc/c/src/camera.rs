@@ -7,7 +7,7 @@ use crate::options::{CameraOptions, DepthFrame, PlacedGrid, SupportPlane};
 use crate::outcome::{Failure, Outcome, guard};
 use crate::pointers::{must_not_be_null, numbers, numbers_mut, read, read_sized, store};
 use beo_camera::{Carver, Frame, Grid, Intrinsics, Placement, Plane, PlaneSearch, SensorModel, fit_support, place};
-use beo_ipc::{ObservationHeader, Outside, PoseSearch, ScaleSearch, View, tasks, text};
+use beo_ipc::{CarvedGrid, ObservationHeader};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// Turns a depth image of integers into metres: `depth_m[i]` = `depth[i]` × `scale_m`, which is 0.001 for millimetres. 0 stays 0: no
@@ -92,10 +92,14 @@ pub unsafe extern "C" fn beo_place_grid(
         let Isometry3 { rotation, translation } = laid.grid_to_camera();
         let laid = PlacedGrid {
             dims: [nx, ny, nz],
-            reserved: 0,
+            cut: 0,
             voxel_size_m: laid.voxel_size_m(),
             position_m: translation.vector.into(),
             orientation: rotation.coords.into(),
+            share_support: 0.0,
+            share_edge: 0.0,
+            share_far: 0.0,
+            surface_deviation_m: 0.0,
         };
         // SAFETY: writable, as the caller promises.
         unsafe { store(grid, laid) };
@@ -132,9 +136,9 @@ pub unsafe extern "C" fn beo_carve(
     })
 }
 
-/// Fills in `header` for a grid that was carved from a camera's frame: where it lies, in the frame named "camera"; where the camera is;
-/// size, place, and rotation about the vertical to be found, in class, pose and completion; outside of the grid unknown.
-/// `options.known_side_m` goes with it. `options` may be NULL for the defaults. `object_id` and the rest are then the caller's to set.
+/// Fills in `header` for a grid that was carved from a camera's frame: where it lies, in metres in the frame named "camera"; where the
+/// camera is; what `grid` says of its readings; size, place, and rotation about the vertical to be found, in class, pose and completion;
+/// outside of the grid unknown. `options.known_side_m` and `options.known_side_deviation_m` go with it. `options` may be NULL for the defaults. `object_id` and the rest are then the caller's to set.
 ///
 /// # Safety
 /// `grid` is NULL or readable; `options` is NULL or readable for its `size`; `header` is NULL or writable.
@@ -147,24 +151,17 @@ pub unsafe extern "C" fn beo_observation_header_of_grid(
     guard(|| {
         must_not_be_null(header, "header")?;
         // SAFETY: as the caller promises.
-        let (options, grid) = unsafe { (Options::read(options)?, placed(grid)?) };
-        let Isometry3 { rotation, translation } = grid.grid_to_camera();
-        let mut filled = ObservationHeader::new(grid.dims().map(|side| side as u32));
-        filled.pose_search = PoseSearch::Yaw.code();
-        filled.tasks = tasks::ALL;
-        filled.position_m = translation.vector.into();
-        filled.orientation = rotation.coords.into();
-        filled.voxel_size_m = grid.voxel_size_m() as f32;
-        filled.frame_id = text::to_field("camera");
-        filled.outside = Outside::Unknown.code();
-        filled.view = View::Camera.code();
-        filled.sensor_position_m = grid.camera().coords.map(|metres| metres as f32).into();
-        filled.scale_search = ScaleSearch::Search.code();
-        filled.known_side_m = options.placement.known_side_m.unwrap_or(0.0) as f32;
-        let lengths = filled.sensor_position_m.iter().chain([&filled.voxel_size_m, &filled.known_side_m]);
-        if filled.voxel_size_m <= 0.0 || !lengths.copied().all(f32::is_finite) {
-            return Err(invalid("the grid is too small or too far away to be told in 32-bit numbers: lengths are metres"));
-        }
+        let (options, said, placed) = unsafe { (Options::read(options)?, read(grid, "grid")?, placed(grid)?) };
+        let filled = ObservationHeader::of_grid(&CarvedGrid {
+            cut: said.cut,
+            share_support: said.share_support,
+            share_edge: said.share_edge,
+            share_far: said.share_far,
+            surface_deviation_m: said.surface_deviation_m,
+            known_side_m: options.placement.known_side_m.unwrap_or(0.0),
+            known_side_deviation_m: options.known_side_deviation_m,
+            ..CarvedGrid::from(&placed)
+        })?;
         // SAFETY: writable, as the caller promises.
         unsafe { store(header, filled) };
         Ok(Outcome::Ok)
@@ -181,6 +178,7 @@ struct Options {
     sensor: SensorModel,
     up: Option<Unit<Vector3<f64>>>,
     placement: Placement,
+    known_side_deviation_m: f64,
 }
 
 impl Options {
@@ -189,7 +187,7 @@ impl Options {
     unsafe fn read(options: *const CameraOptions) -> Result<Self, Failure> {
         if options.is_null() {
             let (sensor, placement) = (SensorModel::default(), Placement::default());
-            return Ok(Self { support_label: 0, sensor, up: None, placement });
+            return Ok(Self { support_label: 0, sensor, up: None, placement, known_side_deviation_m: 0.0 });
         }
         // SAFETY: readable for its size, as promised.
         let given = unsafe { read_sized(options, "options") }?;
@@ -209,6 +207,12 @@ impl Options {
         if !(given.known_side_m >= 0.0 && given.known_side_m.is_finite()) {
             return Err(invalid(format!("`options.known_side_m` is {}: it must be positive and finite, or 0", given.known_side_m)));
         }
+        if !(given.known_side_deviation_m >= 0.0 && given.known_side_deviation_m.is_finite()) {
+            let deviation = given.known_side_deviation_m;
+            return Err(invalid(format!(
+                "`options.known_side_deviation_m` is {deviation}: it must be finite and not negative, 0 for exact"
+            )));
+        }
         if given.reserved != 0 {
             return Err(invalid("`options.reserved` is not 0: start from BEO_CAMERA_OPTIONS_INIT"));
         }
@@ -217,7 +221,7 @@ impl Options {
             known_side_m: (given.known_side_m > 0.0).then_some(given.known_side_m),
             least_readings: given.least_readings as usize,
         };
-        Ok(Self { support_label, sensor, up, placement })
+        Ok(Self { support_label, sensor, up, placement, known_side_deviation_m: given.known_side_deviation_m })
     }
 }
 

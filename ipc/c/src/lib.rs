@@ -1,4 +1,4 @@
-//! The C interface to the beo perception daemon: `libbeo.so.1`, `libbeo.a`; its header is `ipc/include/beo.h`, generated from these files
+//! The C interface to the beo perception daemon: `libbeo.so.2`, `libbeo.a`; its header is `ipc/include/beo.h`, generated from these files
 //! and from the messages of beo-ipc. The rules of the interface are in `ipc/README.md`.
 //!
 //! - `subscriber`, `completion`, `producer`, `perceive`, `common`: the functions, one file per kind of handle

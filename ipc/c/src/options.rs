@@ -116,6 +116,8 @@ pub struct CameraOptions {
     pub share: f64,
     /// The object's longest side, metres, where it is known; 0 where it is not. Default: 0.
     pub known_side_m: f64,
+    /// Its standard deviation, metres; 0: exact. Default: 0.
+    pub known_side_deviation_m: f64,
     /// Fewest readings of an object for which a grid is laid. Default: 40.
     pub least_readings: u32,
     /// 0.
@@ -132,24 +134,33 @@ pub struct SupportPlane {
     pub offset_m: f64,
 }
 
-/// Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up.
+/// Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. And what is known
+/// of the readings that it is carved from.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 pub struct PlacedGrid {
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
-    /// 0.
-    pub reserved: u32,
+    /// What cuts the object off: bits of `BEO_CUT_…`; 0: it is seen whole, or nothing is said.
+    pub cut: u32,
     /// Edge of a voxel, metres.
     pub voxel_size_m: f64,
     /// The grid's centre, metres.
     pub position_m: [f64; 3],
     /// Turns grid axes into axes of the camera: unit quaternion x, y, z, w.
     pub orientation: [f64; 4],
+    /// Share of the object's labelled readings that were left out because they are the support's, 0 to 1.
+    pub share_support: f64,
+    /// Share that was left out because it lies at an edge in depth, 0 to 1.
+    pub share_edge: f64,
+    /// Share that was left out because it does not hang together with the object, 0 to 1.
+    pub share_far: f64,
+    /// Standard deviation of the surface's position along the line of sight, metres; 0 where it is not said.
+    pub surface_deviation_m: f64,
 }
 
 // As the static assertions in beo.h.
 const _: () = assert!(size_of::<SubscriberOptions>() == 16 && size_of::<ProducerOptions>() == 8);
-const _: () = assert!(size_of::<CompletionView>() == 8 + 3 * size_of::<usize>() + 264);
+const _: () = assert!(size_of::<CompletionView>() == 8 + 3 * size_of::<usize>() + 288);
 const _: () = assert!(size_of::<CameraIntrinsics>() == 80 && size_of::<DepthFrame>() == 88 + 4 * size_of::<usize>());
-const _: () = assert!(size_of::<CameraOptions>() == 80 && size_of::<SupportPlane>() == 32 && size_of::<PlacedGrid>() == 80);
+const _: () = assert!(size_of::<CameraOptions>() == 88 && size_of::<SupportPlane>() == 32 && size_of::<PlacedGrid>() == 112);

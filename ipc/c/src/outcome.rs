@@ -2,7 +2,7 @@
 
 use crate::handles::HandleError;
 use beo_camera::{FrameError, GridError, IntrinsicsError, PlacementError, SensorModelError};
-use beo_ipc::{InstanceNameError, LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
+use beo_ipc::{CarvedGridError, InstanceNameError, LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -260,6 +260,16 @@ impl From<PlacementError> for Failure {
             PlacementError::Grid(error) => error.into(),
             seen => Self::new(Outcome::NotSeen, seen.to_string()),
         }
+    }
+}
+
+impl From<CarvedGridError> for Failure {
+    fn from(error: CarvedGridError) -> Self {
+        let outcome = match &error {
+            CarvedGridError::Dims(_) => Outcome::BadDims,
+            CarvedGridError::Refused(_) => Outcome::InvalidArgument,
+        };
+        Self::new(outcome, error.to_string())
     }
 }
 

@@ -99,18 +99,16 @@ pub(crate) unsafe fn numbers<'a, T: Copy>(pointer: *const T, len: usize, name: &
     Ok(unsafe { std::slice::from_raw_parts(pointer, len) })
 }
 
-/// The numbers at `pointer`, to be written: zeros, as memory that C has just allocated may hold nothing yet.
+/// The numbers at `pointer`, to be written and not to be read before: memory that C has just allocated holds any numbers.
 ///
 /// # Safety
-/// `T` is a plain number. `pointer` is NULL or points to room for `len` of them, writable, that nobody else uses as long as the result is
-/// used.
+/// `T` is a plain number, of which every bit pattern is one. `pointer` is NULL or points to room for `len` of them, writable, that nobody
+/// else uses as long as the result is used.
 pub(crate) unsafe fn numbers_mut<'a, T: Copy>(pointer: *mut T, len: usize, name: &str) -> Result<&'a mut [T], Failure> {
     check(pointer, len, name)?;
-    // SAFETY: not NULL and aligned, so room for `len` numbers, as promised, and no more than isize::MAX bytes; 0 is a number.
-    Ok(unsafe {
-        pointer.write_bytes(0, len);
-        std::slice::from_raw_parts_mut(pointer, len)
-    })
+    // SAFETY: not NULL and aligned, so room for `len` numbers, as promised, and no more than isize::MAX bytes. Memory that comes from
+    // outside of Rust holds some bytes, whichever, and any bytes are numbers.
+    Ok(unsafe { std::slice::from_raw_parts_mut(pointer, len) })
 }
 
 fn check<T>(pointer: *const T, len: usize, name: &str) -> Result<(), Failure> {

@@ -26,11 +26,11 @@ const fn message<M: Layout>(rust: &'static str, c: &'static str, type_name: &'st
 
 /// The messages, nested ones before those that contain them.
 const MESSAGES: [Message; 5] = [
-    message::<ObservationHeader>("ObservationHeader", "beo_observation_header", "beo.v1.ObservationHeader"),
-    message::<Hypothesis>("Hypothesis", "beo_hypothesis", "beo.v1.Hypothesis"),
-    message::<Percept>("Percept", "beo_percept", "beo.v1.Percept"),
-    message::<CompletionHeader>("CompletionHeader", "beo_completion_header", "beo.v1.CompletionHeader"),
-    message::<Status>("Status", "beo_daemon_status", "beo.v1.Status"),
+    message::<ObservationHeader>("ObservationHeader", "beo_observation_header", "beo.v2.ObservationHeader"),
+    message::<Hypothesis>("Hypothesis", "beo_hypothesis", "beo.v2.Hypothesis"),
+    message::<Percept>("Percept", "beo_percept", "beo.v2.Percept"),
+    message::<CompletionHeader>("CompletionHeader", "beo_completion_header", "beo.v2.CompletionHeader"),
+    message::<Status>("Status", "beo_daemon_status", "beo.v2.Status"),
 ];
 
 fn repository() -> PathBuf {

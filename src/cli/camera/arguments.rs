@@ -6,7 +6,7 @@ use beo_camera::{BelowSupport, GridOptions};
 use beo_camera::{Placement, SensorModel};
 use beo_core::grid::Dims;
 use beo_ipc::limits::NAME_LEN;
-use beo_ipc::{InstanceName, ObservationHeader, Outside, PoseSearch, ScaleSearch, View, tasks};
+use beo_ipc::{InstanceName, ObservationHeader, PoseSearch};
 use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
 use std::path::PathBuf;
@@ -145,14 +145,6 @@ impl Camera {
             PoseArgument::Yaw => PoseSearch::Yaw,
             PoseArgument::Full => PoseSearch::Full,
         };
-        ObservationHeader {
-            pose_search: pose.code(),
-            tasks: tasks::ALL,
-            view: View::Camera.code(),
-            outside: Outside::Unknown.code(),
-            scale_search: ScaleSearch::Search.code(),
-            known_side_m: self.known_side.unwrap_or(0.0) as f32,
-            ..ObservationHeader::new(dims)
-        }
+        ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
     }
 }

@@ -1,11 +1,11 @@
 //! Grids into the shared memory of a daemon, and the count of what it answers.
 
-use super::sink::{Finish, Shown, Sink, place};
+use super::sink::{Finish, Shown, Sink};
 use crate::cli::failure::Failure;
 use beo_camera::Carver;
 use beo_camera::carve;
 use beo_ipc::text::{from_field, to_field};
-use beo_ipc::{PerceptStatus, Producer, Subscriber};
+use beo_ipc::{CarvedGrid, ObservationHeader, PerceptStatus, Producer, Subscriber};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +23,8 @@ pub(super) struct Daemon {
     stop: Arc<AtomicBool>,
     /// The answers set the pace.
     in_step: bool,
+    /// The objects' longest side, if all have the same.
+    known_side_m: Option<f64>,
     /// What was sent and has no answer yet: frame and object.
     pending: BTreeMap<u64, (String, u64)>,
     /// Sent, answered, refused, without an answer.
@@ -37,10 +39,19 @@ impl Sink for Daemon {
         let mut loan = self.producer.loan()?;
         carve(carver, loan.voxels_mut())?;
         finish(loan.voxels_mut())?;
-        let header = loan.header_mut();
-        place(header, &carver.grid);
-        (header.object_id, header.capture_ns, header.sensor_stamp_ns) = (carver.object.into(), of.captured_ns, of.stamp_ns);
-        header.frame_id = to_field(of.frame_id);
+        let template = *loan.header();
+        *loan.header_mut() = ObservationHeader {
+            producer_id: template.producer_id,
+            pose_search: template.pose_search,
+            capture_ns: of.captured_ns,
+            sensor_stamp_ns: of.stamp_ns,
+            frame_id: to_field(of.frame_id),
+            ..ObservationHeader::of_grid(&CarvedGrid {
+                object_id: carver.object.into(),
+                known_side_m: self.known_side_m.unwrap_or(0.0),
+                ..CarvedGrid::from(&carver.grid)
+            })?
+        };
         let sent = loan.send()?;
         self.pending.insert(sent.sequence, (of.frame.to_owned(), carver.object.into()));
         self.counts[0] += 1;
@@ -55,8 +66,8 @@ impl Sink for Daemon {
 
 impl Daemon {
     /// Nothing is sent yet. `in_step`: the answers set the pace.
-    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool) -> Self {
-        Self { producer, subscriber, stop, in_step, pending: BTreeMap::new(), counts: [0; 4] }
+    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool, known_side_m: Option<f64>) -> Self {
+        Self { producer, subscriber, stop, in_step, known_side_m, pending: BTreeMap::new(), counts: [0; 4] }
     }
 
     /// Waits for the answers that are still to come, and says what was sent and answered.

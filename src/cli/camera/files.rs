@@ -1,11 +1,11 @@
 //! Grids into a folder: each as `.npy` with a `.json` that says where it lies.
 
-use super::sink::{Finish, Shown, Sink, place};
+use super::sink::{Finish, Shown, Sink};
 use crate::cli::failure::{Failure, cannot_write};
 use beo_camera::Carver;
 use beo_camera::carve;
 use beo_core::grid::{Dims, Observation};
-use beo_ipc::ObservationHeader;
+use beo_ipc::CarvedGrid;
 use beo_shapes::write_npy_observation;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -39,17 +39,16 @@ impl Sink for Files {
         let observation = Observation::from_bytes(Dims::new(x, y, z)?, &self.voxels)?;
         let mut bytes = Vec::new();
         write_npy_observation(&mut bytes, &observation)?;
-        let mut header = ObservationHeader::default();
-        place(&mut header, grid);
+        let header = CarvedGrid::from(grid);
         let beside = json!({
             "frame": of.frame,
             "object": carver.object,
-            "dims": grid.dims(),
-            "voxel_size_m": grid.voxel_size_m(),
+            "dims": header.dims,
+            "voxel_size_m": header.voxel_size_m,
             "frame_id": of.frame_id,
             "position_m": header.position_m,
             "orientation": header.orientation,
-            "sensor_position_m": grid.camera().coords.as_slice(),
+            "sensor_position_m": header.camera_position_m,
             "fused": of.fused,
         });
         let stem = format!("{}-{}", of.frame, carver.object);

@@ -61,7 +61,7 @@ impl Camera {
                 let dims = Dims::new(x, y, z)?;
                 let producer = Producer::open_within(&self.instance, &self.template(status.dims), wait)?;
                 let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
-                let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none());
+                let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none(), self.known_side);
                 replay.play(&stop, &mut daemon)?;
                 let answers = daemon.finish()?;
                 say!("{}, {answers}", replay.summary());

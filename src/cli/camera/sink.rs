@@ -1,8 +1,7 @@
 //! Where grids go: the interface between the replay, which lays them, and the daemon or the folder that takes them.
 
 use crate::cli::failure::Failure;
-use beo_camera::{Carver, Grid};
-use beo_ipc::ObservationHeader;
+use beo_camera::Carver;
 
 /// What happens to a grid that was laid.
 pub(super) trait Sink {
@@ -25,13 +24,4 @@ pub(super) struct Shown<'a> {
     pub(super) stamp_ns: u64,
     /// Several views are one grid.
     pub(super) fused: bool,
-}
-
-/// Says where the grid lies in the camera frame.
-pub(super) fn place(header: &mut ObservationHeader, grid: &Grid) {
-    let motion = grid.grid_to_camera();
-    header.position_m = motion.translation.vector.into();
-    header.orientation = motion.rotation.coords.into();
-    header.voxel_size_m = grid.voxel_size_m() as f32;
-    header.sensor_position_m = grid.camera().coords.map(|metres| metres as f32).into();
 }

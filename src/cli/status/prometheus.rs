@@ -61,12 +61,15 @@ pub fn text(instance: &InstanceName, status: &Status, health: Health, now_ns: u6
         ("answered", "answered", status.answered),
         ("refused", "answered with a reason why they could not be", status.refused),
         ("failed", "refused by the daemon's own failure", status.failed),
+        ("nothing_seen", "refused as nothing of an object was seen", status.nothing_seen),
+        ("answered_none", "answered as more probably of none of the classes", status.answered_none),
         ("dropped", "given up for newer ones", status.dropped),
         ("overflowed", "lost in their producer's queue before the daemon took them", status.overflowed),
     ];
     for (name, help, value) in counters {
         m.one(&format!("observations_{name}_total"), "counter", &format!("Observations that were {help}."), value as f64);
     }
+    m.one("percepts_total", "counter", "Percepts sent.", status.answer_number as f64);
     m.one("observations_waiting", "gauge", "Observations that wait for an answer.", status.waiting() as f64);
     m.describe("latency_seconds", "gauge", "From taking an observation to sending its percept, over the last minute.");
     let latencies = [

@@ -36,6 +36,12 @@ pub fn text(instance: &InstanceName, status: &Status, health: Health, now_ns: u6
     if status.failed > 0 {
         lines.push(format!("of the refused, {} were the daemon's own failure", status.failed));
     }
+    if status.nothing_seen > 0 {
+        lines.push(format!("of the refused, in {} nothing of an object was seen", status.nothing_seen));
+    }
+    if status.answered_none > 0 {
+        lines.push(format!("of the answered, {} are more probably of none of the classes", status.answered_none));
+    }
     lines.push(match status.latency_count {
         0 => "no observation in the last minute".into(),
         count => format!(
@@ -74,6 +80,7 @@ pub fn json(instance: &InstanceName, status: &Status, health: Health, now_ns: u6
         "pid": status.pid,
         "daemon_id": format!("{:016x}", status.daemon_id),
         "uptime_s": seconds(now_ns, status.started_ns),
+        "answer_number": status.answer_number,
         "heartbeat_age_s": seconds(now_ns, status.heartbeat_ns),
         "model": {
             "name": from_field(&status.model_name),
@@ -88,6 +95,8 @@ pub fn json(instance: &InstanceName, status: &Status, health: Health, now_ns: u6
             "answered": status.answered,
             "refused": status.refused,
             "failed": status.failed,
+            "nothing_seen": status.nothing_seen,
+            "answered_none": status.answered_none,
             "dropped": status.dropped,
             "waiting": status.waiting(),
             "overflowed": status.overflowed,
@@ -117,6 +126,8 @@ mod tests {
             "(00000000000000ab): 2 classes, 30×30×30",
             "110 taken = 100 answered + 5 refused + 4 dropped + 1 waiting; 3 lost",
             "1 were the daemon's own failure",
+            "of the refused, in 2 nothing of an object was seen",
+            "of the answered, 7 are more probably of none",
             "last minute's 60: median 1.50 ms, 90 % 2.00 ms, 99 % 3.00 ms, 99.9 % 4.00 ms, longest 5.00 ms",
             "models taken since the start: 2, refused: 1",
         ] {
@@ -135,6 +146,7 @@ mod tests {
         assert_eq!((value["healthy"].as_bool(), value["state"].as_str()), (Some(false), Some("serving")));
         assert_eq!(value["model"]["classes"], json!(["bed", "chair"]));
         assert_eq!(value["observations"]["waiting"], 1);
+        assert_eq!([&value["observations"]["nothing_seen"], &value["observations"]["answered_none"], &value["answer_number"]], [2, 7, 107]);
         assert_eq!(value["latency_us"]["p99.9"], 4000.0);
     }
 }

@@ -47,7 +47,7 @@ pub fn evaluate_icp(
     let measure = |starts: &[Rotation], seen: &mut dyn FnMut()| {
         let (mut times, mut per_query) = (Vec::new(), Vec::new());
         for (place, shape) in shapes.iter().enumerate() {
-            let posed = Posed::new(shape, pose, protocol, place);
+            let posed = Posed::new(shape, pose, protocol.viewpoint, protocol.seed, place);
             let start = Instant::now();
             let result = means[classes[shape.class]].align(&filled_points(&posed.observation), freedom, starts);
             times.push(start.elapsed().as_secs_f64() * 1e3);

@@ -7,6 +7,7 @@ pub mod icp;
 pub mod leave_one_out;
 pub mod metrics;
 pub mod protocol;
+pub mod rotations;
 pub mod symmetry;
 mod table;
 mod viewpoint;

@@ -3,11 +3,11 @@
 use super::metrics::{self, CalibrationFigures, completion_errors};
 pub use super::metrics::{Milliseconds, PlacementErrors, PlacementFigures, PoseErrors, PoseFigures};
 use super::viewpoint::{Posed, Viewpoint};
-use beo_core::grid::{Observation, Occupancy, Placed, Rotation, Turn, uniform_rotation, yaw};
+use beo_core::grid::{Observation, Occupancy, Placed, Rotation, Turn};
 use beo_core::learning::{Shape, ShapeSet};
 use beo_core::perception::{Method, PerceiveError, Perceiver, Percept, PoseSearch, Query, ScaleSearch};
+use rand::SeedableRng;
 use rand::seq::SliceRandom;
-use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -37,18 +37,6 @@ pub struct Protocol {
     pub seed: u64,
     /// Whether the true class is told.
     pub known_class: bool,
-}
-
-/// The true rotation of the query at `place` among all: uniform over what is searched.
-pub fn draw_rotation(pose: PoseSearch, seed: u64, place: usize) -> Rotation {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(place as u64 + 1);
-    let numbers: [f64; 3] = std::array::from_fn(|_| rng.random_range(0.0..1.0));
-    match pose {
-        PoseSearch::Known => Rotation::identity(),
-        PoseSearch::Yaw { span } => yaw(numbers[0] * span),
-        PoseSearch::Full => uniform_rotation(numbers),
-    }
 }
 
 /// Queries and accuracy of one class.
@@ -172,14 +160,14 @@ pub fn evaluate(
     let prior = query.log_prior.clone();
     // One unmeasured query first, so that no time includes the first touch of the model.
     if let Some(shape) = shapes.first() {
-        let posed = Posed::new(shape, query.pose, protocol, 0);
+        let posed = Posed::new(shape, query.pose, protocol.viewpoint, protocol.seed, 0);
         query.camera = posed.camera;
         perceiver.classify(&posed.observation, &query, &mut work, &mut percept)?;
         perceiver.complete(&query, &mut work, &mut percept)?;
     }
     for (place, shape) in shapes.iter().enumerate() {
         let truth = classes[shape.class];
-        let posed = Posed::new(shape, query.pose, protocol, place);
+        let posed = Posed::new(shape, query.pose, protocol.viewpoint, protocol.seed, place);
         let Posed { object, observation, .. } = &posed;
         query.camera = posed.camera;
         if protocol.known_class {

@@ -1,7 +1,7 @@
 //! From where objects are seen in an evaluation, and what is asked then.
 
 use super::metrics::{PlacementErrors, PoseErrors};
-use super::protocol::{Protocol, draw_rotation};
+use super::rotations::draw_rotation;
 use super::symmetry::{Symmetries, rotation_error};
 use beo_camera::Fusion;
 use beo_core::grid::{Observation, Occupancy, Outside, Placed, Rotation, Turn, View, yaw};
@@ -80,14 +80,14 @@ pub struct Posed {
 }
 
 impl Posed {
-    /// The query at `place` among all: its shape, turned.
-    pub fn new(shape: &Shape, pose: PoseSearch, protocol: &Protocol, place: usize) -> Self {
-        let rotation = draw_rotation(pose, protocol.seed, place);
+    /// The query at `place` among all: its shape, turned as drawn with `seed`, seen from `viewpoint`.
+    pub fn new(shape: &Shape, pose: PoseSearch, viewpoint: Viewpoint, seed: u64, place: usize) -> Self {
+        let rotation = draw_rotation(pose, seed, place);
         let object = match pose {
             PoseSearch::Known => shape.object.clone(),
             _ => Turn::new(shape.object.dims(), &rotation).occupancy(&shape.object),
         };
-        let Viewpoint::Camera { elevation_deg, azimuths, distance, fused, scale_search } = protocol.viewpoint else {
+        let Viewpoint::Camera { elevation_deg, azimuths, distance, fused, scale_search } = viewpoint else {
             let observation = View::Top.of(&object);
             return Self { placed: Placed::turned(rotation), object, observation, camera: None };
         };
@@ -99,7 +99,7 @@ impl Posed {
             elevation: elevation_deg.to_radians(),
             distance: distance * size,
         };
-        let mut rng = ChaCha8Rng::seed_from_u64(protocol.seed);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let see = |view: usize| simulation::View::new(&object, &eye(view), &Conditions::default(), &mut rng);
         let views: Vec<simulation::View> = (0..fused).filter_map(see).collect();
         // Axes of the grid, its centre and the edge of its voxels, in the object's.

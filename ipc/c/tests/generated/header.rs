@@ -5,7 +5,7 @@ use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Langua
 use std::fmt::Write;
 
 /// Rust names and their names in C.
-const NAMES: [(&str, &str); 28] = [
+const NAMES: [(&str, &str); 30] = [
     ("Outcome", "beo_status"),
     ("SubscriberHandle", "beo_subscriber"),
     ("CompletionHandle", "beo_completion"),
@@ -33,11 +33,14 @@ const NAMES: [(&str, &str); 28] = [
     ("ScaleSearch", "beo_scale_search"),
     ("Method", "beo_method"),
     ("DaemonState", "beo_daemon_state"),
+    ("Unit", "beo_unit"),
     ("tasks", "BEO_TASK"),
+    ("cut", "BEO_CUT"),
 ];
 
 /// Enums that no function mentions: the messages carry their numbers.
-const CODES: [&str; 8] = ["PerceptStatus", "PoseSearch", "CompletionFrame", "Outside", "View", "ScaleSearch", "Method", "DaemonState"];
+const CODES: [&str; 9] =
+    ["PerceptStatus", "PoseSearch", "CompletionFrame", "Outside", "View", "ScaleSearch", "Unit", "Method", "DaemonState"];
 
 const SOURCES: [&str; 9] = [
     "ipc/src/codes.rs",
@@ -68,10 +71,14 @@ const OPENING: &str = "\
 
 const CONSTANTS: &str = "
 /** The version of this header and of the messages; compare with beo_abi_version(). */
-#define BEO_ABI_VERSION 1
+#define BEO_ABI_VERSION 2
 
 /** A class_index that says that there is none. */
 #define BEO_NO_CLASS UINT32_MAX
+/** A resting_pose that says that there is none: the rotation was not searched among resting poses. */
+#define BEO_NO_RESTING_POSE UINT32_MAX
+/** A none_probability or fit that says that it was not computed. What was computed is never negative and never NaN. */
+#define BEO_NOT_COMPUTED (-1.0f)
 
 /** Class posterior: a bit of `tasks`. It is computed in any case. */
 #define BEO_TASK_CLASS 1
@@ -79,6 +86,11 @@ const CONSTANTS: &str = "
 #define BEO_TASK_POSE 2
 /** Completed occupancy with its uncertainty: a bit of `tasks`. */
 #define BEO_TASK_COMPLETION 4
+
+/** The object goes on beyond the border of the image: a bit of `cut`. */
+#define BEO_CUT_BORDER 1
+/** Something nearer hides a part of the object: a bit of `cut`. */
+#define BEO_CUT_OCCLUDER 2
 
 /** Most classes of a model. */
 #define BEO_MAX_CLASSES 64
@@ -96,7 +108,7 @@ const INITIALISERS: &str = "
 /** Options to start from: `beo_producer_options options = BEO_PRODUCER_OPTIONS_INIT;` */
 #define BEO_PRODUCER_OPTIONS_INIT { sizeof(beo_producer_options), 0 }
 /** Options to start from: `beo_camera_options options = BEO_CAMERA_OPTIONS_INIT;` */
-#define BEO_CAMERA_OPTIONS_INIT { sizeof(beo_camera_options), 0, { 0.001, 0.0019, 2.0 }, { 0, 0, 0 }, 2.0 / 3.0, 0, 40, 0 }
+#define BEO_CAMERA_OPTIONS_INIT { sizeof(beo_camera_options), 0, { 0.001, 0.0019, 2.0 }, { 0, 0, 0 }, 2.0 / 3.0, 0, 0, 40, 0 }
 /** Zeroes `frame` and sets its size: a statement. */
 #define BEO_DEPTH_FRAME_INIT(frame) (memset(&(frame), 0, sizeof(beo_depth_frame)), (frame).size = (uint32_t)sizeof(beo_depth_frame))
 /** Zeroes `view` and sets its size: a statement. */
@@ -121,14 +133,17 @@ pub fn text() -> String {
 
 /// The constants above are those of beo-ipc.
 fn check_constants() {
-    use beo_ipc::{limits, tasks};
+    use beo_ipc::{cut, limits, tasks};
     let defined = |name: &str, value: u64| assert!(CONSTANTS.contains(&format!("#define {name} {value}\n")), "{name} is not {value}");
     defined("BEO_ABI_VERSION", beo_ipc::ABI_VERSION.into());
-    assert_eq!(beo_ipc::NO_CLASS, u32::MAX);
+    assert_eq!((beo_ipc::NO_CLASS, beo_ipc::NO_RESTING_POSE, beo_ipc::NOT_COMPUTED), (u32::MAX, u32::MAX, -1.0));
     defined("BEO_TASK_CLASS", tasks::CLASS.into());
     defined("BEO_TASK_POSE", tasks::POSE.into());
     defined("BEO_TASK_COMPLETION", tasks::COMPLETION.into());
     assert_eq!(tasks::ALL, 7, "a new task needs its constant");
+    defined("BEO_CUT_BORDER", cut::BORDER.into());
+    defined("BEO_CUT_OCCLUDER", cut::OCCLUDER.into());
+    assert_eq!(cut::ALL, 3, "a new bit needs its constant");
     let (sensor, placement) = (beo_camera::SensorModel::default(), beo_camera::Placement::default());
     assert_eq!([sensor.constant_m, sensor.quadratic_per_m, sensor.deviations], [0.001, 0.0019, 2.0], "BEO_CAMERA_OPTIONS_INIT");
     assert_eq!((placement.share, placement.known_side_m, placement.least_readings), (2.0 / 3.0, None, 40), "BEO_CAMERA_OPTIONS_INIT");
@@ -155,7 +170,20 @@ fn config() -> Config {
         usize_is_size_t: true,
         export: ExportConfig {
             include: CODES.map(str::to_owned).to_vec(),
-            exclude: ["ABI_VERSION", "NO_CLASS", "CLASS", "POSE", "COMPLETION", "ALL"].map(str::to_owned).to_vec(),
+            exclude: [
+                "ABI_VERSION",
+                "NO_CLASS",
+                "NO_RESTING_POSE",
+                "NOT_COMPUTED",
+                "CLASS",
+                "POSE",
+                "COMPLETION",
+                "BORDER",
+                "OCCLUDER",
+                "ALL",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
             rename,
             ..ExportConfig::default()
         },
@@ -221,7 +249,7 @@ fn assertions() -> String {
         ("beo_sensor_model", "24", &[("constant_m", "0"), ("quadratic_per_m", "8"), ("deviations", "16")]),
         (
             "beo_camera_options",
-            "80",
+            "88",
             &[
                 ("size", "0"),
                 ("support_label", "4"),
@@ -229,12 +257,27 @@ fn assertions() -> String {
                 ("up", "32"),
                 ("share", "56"),
                 ("known_side_m", "64"),
-                ("least_readings", "72"),
-                ("reserved", "76"),
+                ("known_side_deviation_m", "72"),
+                ("least_readings", "80"),
+                ("reserved", "84"),
             ],
         ),
         ("beo_plane", "32", &[("normal", "0"), ("offset_m", "24")]),
-        ("beo_grid", "80", &[("dims", "0"), ("reserved", "12"), ("voxel_size_m", "16"), ("position_m", "24"), ("orientation", "48")]),
+        (
+            "beo_grid",
+            "112",
+            &[
+                ("dims", "0"),
+                ("cut", "12"),
+                ("voxel_size_m", "16"),
+                ("position_m", "24"),
+                ("orientation", "48"),
+                ("share_support", "80"),
+                ("share_edge", "88"),
+                ("share_far", "96"),
+                ("surface_deviation_m", "104"),
+            ],
+        ),
     ] {
         assert(format!("sizeof({c}) == {size}"));
         for (field, offset) in fields {
@@ -254,9 +297,9 @@ fn c_words(line: &str) -> String {
         let (first, field) = link.split_once("::").map_or((link, None), |(first, field)| (first, Some(field)));
         let name = NAMES.iter().find(|(rust, _)| *rust == first).map_or(first, |(_, c)| c);
         let name = match (name, field) {
-            ("ABI_VERSION" | "NO_CLASS", _) => format!("BEO_{name}"),
+            ("ABI_VERSION" | "NO_CLASS" | "NO_RESTING_POSE" | "NOT_COMPUTED", _) => format!("BEO_{name}"),
             ("Producer", _) => "beo_producer".to_owned(),
-            ("BEO_TASK", None) => "BEO_TASK_…".to_owned(),
+            ("BEO_TASK" | "BEO_CUT", None) => format!("{name}_…"),
             (name, Some(field)) => format!("{name}.{field}"),
             (name, None) => name.to_owned(),
         };

@@ -2,7 +2,8 @@
 
 use super::{MESSAGES, Message};
 use beo_ipc::layout::Field;
-use beo_ipc::{ABI_VERSION, CompletionFrame, DaemonState, Method, NO_CLASS, Outside, PerceptStatus, PoseSearch, ScaleSearch, View, tasks};
+use beo_ipc::{ABI_VERSION, CompletionFrame, DaemonState, Method, NO_CLASS, NO_RESTING_POSE, NOT_COMPUTED, Outside, PerceptStatus};
+use beo_ipc::{PoseSearch, ScaleSearch, Unit, View, cut, tasks};
 use std::fmt::{Debug, Write};
 
 /// The whole module.
@@ -18,9 +19,11 @@ import enum
 
 ",
     );
-    for (name, value) in [("ABI_VERSION", ABI_VERSION), ("NO_CLASS", NO_CLASS)] {
+    for (name, value) in [("ABI_VERSION", ABI_VERSION), ("NO_CLASS", NO_CLASS), ("NO_RESTING_POSE", NO_RESTING_POSE)] {
         writeln!(text, "{name} = {value}").unwrap();
     }
+    writeln!(text, "NOT_COMPUTED = {NOT_COMPUTED:?}").unwrap();
+    writeln!(text, "CUT_BORDER, CUT_OCCLUDER = {}, {}", cut::BORDER, cut::OCCLUDER).unwrap();
     writeln!(text, "TASK_CLASS, TASK_POSE, TASK_COMPLETION = {}, {}, {}", tasks::CLASS, tasks::POSE, tasks::COMPLETION).unwrap();
     codes(&mut text, "PerceptStatus", PerceptStatus::from_code);
     codes(&mut text, "PoseSearch", PoseSearch::from_code);
@@ -28,6 +31,7 @@ import enum
     codes(&mut text, "Outside", Outside::from_code);
     codes(&mut text, "View", View::from_code);
     codes(&mut text, "ScaleSearch", ScaleSearch::from_code);
+    codes(&mut text, "Unit", Unit::from_code);
     codes(&mut text, "Method", Method::from_code);
     codes(&mut text, "DaemonState", DaemonState::from_code);
     MESSAGES.iter().for_each(|message| structure(&mut text, message));

@@ -3,7 +3,7 @@
 use crate::process::ProcessError;
 use beo_camera::GridError;
 use beo_core::grid::DimsError;
-use beo_ipc::{InstanceNameError, LoanError, OpenError, ReceiveError, SendError, WaitError};
+use beo_ipc::{CarvedGridError, InstanceNameError, LoanError, OpenError, ReceiveError, SendError, WaitError};
 use std::time::Duration;
 
 /// A measurement could not be made.
@@ -58,6 +58,9 @@ pub enum LatencyError {
     /// A grid cannot be carved.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// A grid cannot be told to the daemon.
+    #[error(transparent)]
+    Header(#[from] CarvedGridError),
     /// A percept cannot be received.
     #[error(transparent)]
     Receive(#[from] ReceiveError),

@@ -1,7 +1,7 @@
 //! What is sent: views from above of some shapes in some rotations, made before the measurement.
 
 use super::Pose;
-use crate::evaluation::protocol::draw_rotation;
+use crate::evaluation::rotations::draw_rotation;
 use beo_core::grid::{Dims, Occupancy, Rotation, Turn, View, yaw};
 use beo_core::perception::PoseSearch;
 use beo_shapes::furniture;

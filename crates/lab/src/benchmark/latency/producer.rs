@@ -7,7 +7,7 @@ use super::{Grids, LatencyError, Pose, Wake, six_objects};
 use beo_camera::{GridOptions, carve, lay_grids};
 use beo_core::grid::Dims;
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::{InstanceName, ObservationHeader, Outside, Producer, ScaleSearch, Status, Subscriber, SubscriberOptions, View};
+use beo_ipc::{CarvedGrid, InstanceName, ObservationHeader, Producer, Status, Subscriber, SubscriberOptions, View};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -66,10 +66,6 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
     let mut template = ObservationHeader::new(plan.dims);
     template.pose_search = plan.pose.search().code();
     template.view = View::TopDown.code();
-    if plan.load == Load::Camera {
-        template.view = View::Camera.code();
-        (template.outside, template.scale_search) = (Outside::Unknown.code(), ScaleSearch::Search.code());
-    }
     let producer = Producer::open_within(&instance, &template, OPEN)?;
     let mut warm_up = 0;
     let mut send = |object: u64, frame: u64, due_ns: u64, counted: bool| -> Result<u64, LatencyError> {
@@ -132,12 +128,19 @@ fn see(producer: &Producer, captured: &Scene, options: &GridOptions, due_ns: u64
     for carver in laid.objects.iter().filter_map(|object| object.carver.as_ref().ok()) {
         let mut loan = producer.loan()?;
         carve(carver, loan.voxels_mut())?;
-        let header = loan.header_mut();
-        let (grid, motion) = (&carver.grid, carver.grid.grid_to_camera());
-        (header.position_m, header.orientation) = (motion.translation.vector.into(), motion.rotation.coords.into());
-        (header.object_id, header.voxel_size_m) = (carver.object.into(), grid.voxel_size_m() as f32);
-        header.sensor_position_m = grid.camera().coords.map(|metres| metres as f32).into();
-        (header.capture_ns, header.sensor_stamp_ns) = (due_ns, to_stamp(laid_ns, counted));
+        let template = *loan.header();
+        *loan.header_mut() = ObservationHeader {
+            producer_id: template.producer_id,
+            pose_search: template.pose_search,
+            tasks: template.tasks,
+            capture_ns: due_ns,
+            sensor_stamp_ns: to_stamp(laid_ns, counted),
+            ..ObservationHeader::of_grid(&CarvedGrid {
+                object_id: carver.object.into(),
+                known_side_m: options.placement.known_side_m.unwrap_or(0.0),
+                ..CarvedGrid::from(&carver.grid)
+            })?
+        };
         loan.send()?;
         sent += 1;
     }

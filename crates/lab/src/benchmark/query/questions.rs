@@ -1,6 +1,6 @@
 //! What is asked: observations of turned objects, and what is known of their pose.
 
-use crate::evaluation::protocol::draw_rotation;
+use crate::evaluation::rotations::draw_rotation;
 use beo_core::grid::{Dims, Observation, Occupancy, Turn, View, yaw};
 use beo_core::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query, RotationPrior};
 use beo_shapes::furniture;

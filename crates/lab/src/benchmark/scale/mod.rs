@@ -16,7 +16,9 @@
 //! | `publishing` | percept and completion handed to many subscribers, timed |
 //! | `growth` | medians, exponents, what was expected |
 //! | `report` | table and charts |
+//! | `error` | a measurement failed |
 
+mod error;
 mod growth;
 mod models;
 mod publishing;
@@ -26,6 +28,7 @@ mod shapes;
 mod sweep;
 mod training;
 
+pub use error::ScaleError;
 pub use growth::{Line, Series};
 pub use report::{chart, table};
-pub use sweep::{Scale, ScaleError, Sweep};
+pub use sweep::{Scale, Sweep};

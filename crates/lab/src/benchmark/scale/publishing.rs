@@ -1,7 +1,7 @@
 //! Percept and completion handed to many subscribers, as the daemon does, timed.
 
+use super::error::ScaleError;
 use super::queries::microseconds;
-use super::sweep::ScaleError;
 use beo_ipc::{InstanceName, ObservationHeader, Percept, Server, ServerOptions, Subscriber, SubscriberOptions};
 use std::time::{Duration, Instant};
 

@@ -1,5 +1,6 @@
 //! What is varied, and over which sizes.
 
+use super::error::ScaleError;
 use super::growth::{Line, Series};
 use super::models::Recipe;
 use super::publishing::{self, Published};
@@ -8,10 +9,8 @@ use super::training;
 use crate::benchmark::cores::usable;
 use crate::benchmark::percentiles::median;
 use beo_core::grid::{Dims, Observation, Occupancy};
-use beo_core::learning::TrainError;
 use beo_core::model::Model;
-use beo_core::perception::{PerceiveError, Perceiver};
-use beo_ipc::{InstanceNameError, LoanError, OpenError, ReceiveError, SendError, WaitError};
+use beo_core::perception::Perceiver;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -38,44 +37,6 @@ pub enum Sweep {
     Threads,
     /// Subscribers of percepts and completions
     Subscribers,
-}
-
-/// A measurement failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ScaleError {
-    /// A model could not be learned.
-    #[error(transparent)]
-    Train(#[from] TrainError),
-    /// A query could not be answered.
-    #[error(transparent)]
-    Perceive(#[from] PerceiveError),
-    /// Threads could not be started.
-    #[error("cannot start worker threads: {0}; close other programs, or leave --only threads out")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
-    /// The instance's name is none.
-    #[error(transparent)]
-    Name(#[from] InstanceNameError),
-    /// The channels could not be opened.
-    #[error(transparent)]
-    Open(#[from] OpenError),
-    /// There was no memory for a completion.
-    #[error(transparent)]
-    Loan(#[from] LoanError),
-    /// It could not be sent.
-    #[error(transparent)]
-    Send(#[from] SendError),
-    /// It could not be received.
-    #[error(transparent)]
-    Receive(#[from] ReceiveError),
-    /// The wake-up channel is broken.
-    #[error(transparent)]
-    Wait(#[from] WaitError),
-    /// A subscriber did not get what was sent.
-    #[error("percept and completion {sequence} did not reach every subscriber: is another program using the same instance?")]
-    Lost {
-        /// Their sequence number.
-        sequence: u64,
-    },
 }
 
 /// How thoroughly a series is measured.

@@ -1,8 +1,8 @@
 //! Learning models of growing size: how long it takes, how much memory it takes at a time, and what the model then is.
 
+use super::error::ScaleError;
 use super::models::Recipe;
 use super::queries::Asked;
-use super::sweep::ScaleError;
 use crate::benchmark::machine::process_memory;
 use crate::benchmark::percentiles::median;
 use beo_core::perception::Perceiver;
