@@ -1,6 +1,6 @@
 //! Reading a file as a shape or an observation, whatever its format.
 
-use super::{FormatError, Mesh, ReadError, Up, parse_binvox, parse_npy, parse_npy_observation, parse_obj, parse_off, parse_ply, parse_stl};
+use super::{FormatError, Mesh, ReadError, Up, binvox_scale, parse_binvox, parse_npy, parse_npy_observation, parse_obj, parse_off, parse_ply, parse_stl};
 use super::{is_placed, longest_side, voxelise, voxelise_unit_cube};
 use beo_core::grid::{Dims, Observation, Occupancy};
 use std::io::Read;
@@ -120,16 +120,32 @@ pub fn parse(format: Format, bytes: &[u8]) -> Result<Content, FormatError> {
 
 /// Reads a file as a complete shape.
 pub fn read_shape(path: &Path, options: &ReadOptions) -> Result<Occupancy, ReadError> {
+    read_sized_shape(path, options).map(|(object, _)| object)
+}
+
+/// Reads a file as a complete shape, and its lengths along the axes in the unit of the file: of meshes those of their box, of binvox files
+/// by the header's `scale`; `None` for what has no unit.
+pub fn read_sized_shape(path: &Path, options: &ReadOptions) -> Result<(Occupancy, Option<[f64; 3]>), ReadError> {
     let format = Format::of(path).ok_or_else(|| ReadError::Extension { path: path.into(), known: Format::KNOWN })?;
     let bytes = read_bytes(path)?;
     match parse(format, &bytes) {
-        Ok(Content::Voxels(object)) if object.dims() == options.dims => Ok(object),
+        Ok(Content::Voxels(object)) if object.dims() == options.dims => {
+            let scale = if format == Format::Binvox { binvox_scale(&bytes).ok().filter(|scale| *scale > 0.0) } else { None };
+            let lengths = scale.zip(object.bounds()).map(|(scale, [low, high])| {
+                let longest = <[usize; 3]>::from(object.dims()).into_iter().fold(1, usize::max) as f64;
+                std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 * scale / longest)
+            });
+            Ok((object, lengths))
+        }
         Ok(Content::Voxels(object)) => Err(ReadError::OtherDims { path: path.into(), found: object.dims(), expected: options.dims }),
         Ok(Content::Mesh(mesh)) => {
             let mesh = mesh.turned_up(options.up);
+            let [low, high] = mesh.bounds();
+            let lengths = (high - low).into();
             Ok(match options.placing {
-                Placing::LongestSide(longest) => voxelise(&mesh, options.dims, longest),
-                Placing::UnitCube => voxelise_unit_cube(&mesh, options.dims),
+                Placing::LongestSide(longest) => (voxelise(&mesh, options.dims, longest), Some(lengths)),
+                // Aligned shapes have been scaled to one cube.
+                Placing::UnitCube => (voxelise_unit_cube(&mesh, options.dims), None),
             })
         }
         Err(source) => Err(ReadError::Malformed { path: path.into(), source }),
