@@ -32,8 +32,7 @@ fn perceiver() -> Perceiver {
 fn count(perceiver: &Perceiver, observations: &[Observation], query: &Query) {
     let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
     let mut answer = |observation: &Observation| {
-        perceiver.classify(observation, query, &mut work, &mut percept).unwrap();
-        perceiver.complete(query, &mut work, &mut percept).unwrap();
+        perceiver.classify(observation, query, &mut work, &mut percept).unwrap().complete().unwrap();
     };
     observations.iter().for_each(&mut answer);
     for (number, observation) in observations.iter().enumerate() {

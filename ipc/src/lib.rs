@@ -33,6 +33,7 @@ mod observation_reader;
 mod orphans;
 mod peers;
 mod producer;
+mod quaternion;
 pub mod reconnect;
 mod server;
 mod shared;

@@ -14,7 +14,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::codes::{CompletionFrame, Outside, PoseSearch, ScaleSearch, Unit, View, tasks};
 use crate::layout::{Scalar, layout};
 use crate::limits::{EXPLANATION_LEN, MAX_CLASSES, MAX_HYPOTHESES, NAME_LEN};
-use crate::validate::normalised;
+use crate::quaternion::normalised;
 
 const _: () = assert!(MAX_CLASSES == 64 && MAX_HYPOTHESES == 8 && NAME_LEN == 32 && EXPLANATION_LEN == 128);
 

@@ -5,13 +5,9 @@
 use crate::codes::{CompletionFrame, Outside, PerceptStatus, PoseSearch, ScaleSearch, Unit, View, cut, tasks};
 use crate::limits::{MAX_DIM, MIN_DIM, voxel_count};
 use crate::messages::{ABI_VERSION, ObservationHeader, Percept};
+pub use crate::quaternion::QUATERNION_NORM_TOLERANCE;
+use crate::quaternion::norm;
 use crate::text::to_field;
-
-/// How far the norm of a unit quaternion may be from 1.
-pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
-
-/// What rounding leaves of a norm of 1.
-const ROUNDING: f64 = 1e-12;
 
 /// Why an observation is refused. The text is the percept's explanation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -228,18 +224,6 @@ pub fn check_deadline(header: &ObservationHeader, now_ns: u64) -> Result<(), Ref
         Some(late_ns) if header.deadline_ns != 0 && late_ns > 0 => Err(Refusal::Expired { late_ns }),
         _ => Ok(()),
     }
-}
-
-/// A valid quaternion at length 1, so that rotating by it scales nothing. One that is 1 but for rounding stays as it is, bit by bit.
-pub(crate) fn normalised(quaternion: [f64; 4]) -> [f64; 4] {
-    let norm = norm(quaternion);
-    let is_near = (ROUNDING..=QUATERNION_NORM_TOLERANCE).contains(&(norm - 1.0).abs());
-    if is_near { quaternion.map(|value| value / norm) } else { quaternion }
-}
-
-/// Of finite parts the norm is finite or, by overflow, infinite; never NaN.
-fn norm(quaternion: [f64; 4]) -> f64 {
-    quaternion.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
 fn check_rotation_prior(header: &ObservationHeader) -> Result<(), Refusal> {

@@ -2,7 +2,7 @@
 
 use super::failure::{Failure, cannot_write};
 use beo_core::model::{Blend, ClassModel, Metadata, Model, Outline, ViewDensities, load, outline, verify};
-use beo_core::perception::Perceiver;
+use beo_core::perception::{derived_bytes, workspace_bytes};
 use beo_picture::{Chart, Image, draw_probability, draw_weights, sheet};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -62,15 +62,15 @@ fn summary(model: &Model, outline: &Outline) -> String {
     // Of the symmetric matrices the file holds one half.
     let halves: usize = model.classes.iter().map(|c| 1 + c.hulls.len()).sum::<usize>() * 4 * (a * (a - 1) / 2);
     let halved = parts - halves;
-    let derived = Perceiver::derived_bytes(outline) + Perceiver::workspace_bytes(outline);
+    let derived = derived_bytes(outline) + workspace_bytes(outline);
     let of_turned = |d: &ViewDensities| 2 * (d.basis.len() + d.means.len() + d.whitening.len() + d.regression.len());
-    let turned = model.view_densities.as_ref().map_or(0, of_turned);
+    let turned = model.view_densities().map_or(0, of_turned);
     let smaller: u64 = outline.levels.iter().map(|level| level.file_bytes).sum();
     let shapes: usize = meta.classes.iter().map(|c| c.shapes).sum();
     let views: Vec<&str> = model.views().iter().map(|v| v.name()).collect();
     let splits = if set.splits.is_empty() { "no splits".into() } else { format!("splits {}", set.splits.join(", ")) };
     let licence = if meta.licence.is_empty() { "not stated" } else { &meta.licence };
-    let memory = match &model.footprint {
+    let memory = match model.footprint() {
         None => format!("about {} when answering queries", mb(2 * d * a + parts + turned + derived)),
         Some(footprint) => {
             let share = footprint.voxels.count_ones(..) as f64 / d as f64;
@@ -82,14 +82,14 @@ fn summary(model: &Model, outline: &Outline) -> String {
             )
         }
     };
-    let levels: Vec<String> = model.levels.iter().map(|level| level.dims().to_string()).collect();
+    let levels: Vec<String> = model.levels().iter().map(|level| level.dims().to_string()).collect();
     let lines = [
         ("model", format!("{:016x}, format {}, by beo {}", model.id, meta.format_version, meta.beo_version)),
         ("grid", format!("{}, longest side of meshes {} voxels", meta.dims, set.longest_side)),
         ("basis", format!("rank {a} over {d} voxels, noise variance {:.5}", meta.noise_variance)),
         (
             "file",
-            match &model.footprint {
+            match model.footprint() {
                 None => {
                     format!("{}: {} basis (mapped), {} classes, {} turned objects", mb(file_bytes), mb(2 * d * a), mb(halved), mb(turned))
                 }

@@ -84,11 +84,11 @@ impl Perceive {
             let answer = self.view.source(file, &read, &self.camera).and_then(|source| {
                 query.camera = source.camera();
                 let observation = source.turned_by(self.turn.to_radians());
-                perceiver.classify(&observation, &query, &mut work, &mut percept)?;
-                if !percept.informed {
+                let classified = perceiver.classify(&observation, &query, &mut work, &mut percept)?;
+                if !classified.percept().informed {
                     return Ok(());
                 }
-                perceiver.complete(&query, &mut work, &mut percept)?;
+                classified.complete()?;
                 if self.pictures.is_wanted() {
                     let name = file.file_stem().unwrap_or_default().to_string_lossy();
                     Shown::of_file(place + 1, &name, &names, &observation, query.camera, &percept).save(&self.pictures)?;

@@ -1,11 +1,12 @@
 //! One observation in, percept and completion out.
 
 use super::asked::ask;
+use super::belief::ClassBelief;
 use super::streams::Waiting;
 use super::tracks::Tracks;
 use beo_core::grid::{Observation, Rotation, from_xyzw, to_xyzw};
 use beo_core::model::Model;
-use beo_core::perception::{self, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
+use beo_core::perception::{self, Classified, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::tasks;
 use beo_ipc::text::to_field;
@@ -27,7 +28,11 @@ pub struct Answerer {
     query: Query,
     /// The search for observations that say that their pose is known.
     pose: perception::PoseSearch,
+    /// Log prior of the classes for objects that were not seen before; empty where it is uniform.
+    class_prior: Vec<f64>,
     tracks: Tracks,
+    /// The class posterior of the observation that is being answered, given all frames of its object.
+    filtered: Vec<f64>,
 }
 
 impl Answerer {
@@ -39,8 +44,10 @@ impl Answerer {
             percept: perception::Percept::default(),
             perceiver,
             pose: query.pose,
+            class_prior: query.log_prior.clone(),
             query,
             tracks: Tracks::default(),
+            filtered: Vec::new(),
         }
     }
 
@@ -60,9 +67,9 @@ impl Answerer {
     /// Why it fails.
     pub fn rehearse(&mut self) -> Result<(), PerceiveError> {
         let nothing = Observation::unknown(self.model().dims());
-        self.perceiver.classify(&nothing, &self.query, &mut self.work, &mut self.percept)?;
         let (mut occupancy, mut deviation) = (vec![0_u8; nothing.dims().voxels()], vec![0_u8; nothing.dims().voxels()]);
-        self.perceiver.complete_into(&self.query, &mut self.work, &mut self.percept, &mut occupancy, &mut deviation)
+        let classified = self.perceiver.classify(&nothing, &self.query, &mut self.work, &mut self.percept)?;
+        classified.complete_into(&mut occupancy, &mut deviation)
     }
 
     /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be
@@ -75,14 +82,29 @@ impl Answerer {
         }
         let mut percept = Percept { received_ns: waiting.received_ns, model_id: self.perceiver.model().id, ..Percept::answering(header) };
         let started_ns = monotonic_ns();
-        if let Err(error) = self.classify(waiting) {
-            return internal(percept, &error.to_string());
-        }
-        if !self.percept.informed {
+        let believed = self.ask(header, started_ns);
+        let Self { perceiver, query, work, tracks, filtered, .. } = self;
+        let classified = match perceiver.classify(&waiting.observation, query, work, &mut self.percept) {
+            Ok(classified) => classified,
+            Err(error) => return internal(percept, &error.to_string()),
+        };
+        let answer = classified.percept();
+        if !answer.informed {
+            // What says nothing of the object does not change what is expected of it.
             let refusing = Percept::refusing(header, &Refusal::NothingSeen);
             return Percept { received_ns: percept.received_ns, model_id: percept.model_id, ..refusing };
         }
-        let answer = &self.percept;
+        filtered.clone_from(&answer.posterior);
+        let is_filtered = believed.is_some();
+        let class = match believed {
+            Some(mut class) => {
+                class.update(filtered);
+                class
+            }
+            None => ClassBelief::first(filtered),
+        };
+        let searched = (query.pose != perception::PoseSearch::Known).then_some(answer);
+        tracks.remember(header.producer_id, header.object_id, started_ns, class, searched);
         let stamp = |since: Duration| started_ns + since.as_nanos() as u64;
         percept.projected_ns = stamp(answer.timings.projected);
         percept.classified_ns = stamp(answer.timings.classified);
@@ -90,24 +112,25 @@ impl Answerer {
         let classes = answer.posterior.len();
         percept.class_count = classes as u32;
         percept.class_index = answer.class as u32;
-        percept.method = method_code(self.query.method).code();
+        percept.method = method_code(query.method).code();
         percept.tasks = tasks::CLASS | tasks::POSE;
         for s in 0..classes {
-            percept.posterior[s] = answer.posterior[s] as f32;
+            percept.posterior[s] = filtered[s] as f32;
             percept.log_score[s] = answer.scores.get(s).copied().unwrap_or(0.0) as f32;
         }
         percept.hypothesis_count = answer.hypotheses.len().min(percept.hypotheses.len()) as u32;
         for (field, h) in percept.hypotheses.iter_mut().zip(&answer.hypotheses) {
-            let probability = h.probability as f32;
+            // Of the class over time, and of the pose in this frame.
+            let probability = (h.probability * filtered[h.class] / answer.posterior[h.class].max(f64::MIN_POSITIVE)) as f32;
             *field = Hypothesis { rotation_object_to_grid: quaternion(&h.rotation), class_index: h.class as u32, probability };
         }
         percept.rotation_spread_rad = answer.spread as f32;
         place(&mut percept, answer);
         let beyond = BeyondClass::of(answer);
         (percept.none_probability, percept.fit) = (beyond.none_probability, beyond.fit);
-        (percept.resting_pose, percept.filtered) = (beyond.resting_pose, u32::from(beyond.is_filtered));
+        (percept.resting_pose, percept.filtered) = (beyond.resting_pose, u32::from(is_filtered));
         if header.tasks & tasks::COMPLETION != 0 {
-            match self.complete(server, waiting) {
+            match complete(classified, perceiver.model().id, query, server, header) {
                 Ok(()) => {
                     percept.tasks |= tasks::COMPLETION;
                     percept.completed_ns = monotonic_ns();
@@ -119,44 +142,46 @@ impl Answerer {
         percept
     }
 
-    fn classify(&mut self, waiting: &Waiting) -> Result<(), PerceiveError> {
-        let header = &waiting.header;
-        let query = &mut self.query;
-        ask(query, header, self.pose);
+    /// Sets in the query what a header asks for and what is expected of an object that it continues; gives what is believed of its class.
+    fn ask(&mut self, header: &ObservationHeader, now_ns: u64) -> Option<ClassBelief> {
+        ask(&mut self.query, header, self.pose);
+        self.query.log_prior.clone_from(&self.class_prior);
+        let continued =
+            (header.continues != 0).then(|| self.tracks.of(header.producer_id, header.continued_object_id, now_ns)).flatten()?;
         if header.rotation_prior_concentration == 0.0
-            && header.continues != 0
-            && let Some(expected) = self.tracks.expectation(header.producer_id, header.continued_object_id)
+            && let Some(expected) = &continued.expected_rotation
         {
-            query.rotation_prior = expected.clone();
+            self.query.rotation_prior = expected.clone();
         }
-        self.perceiver.classify(&waiting.observation, query, &mut self.work, &mut self.percept)?;
-        // What says nothing of the object does not change what is expected of it.
-        if query.pose != perception::PoseSearch::Known && self.percept.informed {
-            self.tracks.remember(header.producer_id, header.object_id, &self.percept);
+        continued.class.log_prior(&mut self.query.log_prior);
+        // A class that is left out stays out.
+        for (expected, prior) in self.query.log_prior.iter_mut().zip(&self.class_prior) {
+            if *prior == f64::NEG_INFINITY {
+                *expected = *prior;
+            }
         }
-        Ok(())
+        Some(continued.class)
     }
+}
 
-    /// Writes the completion in place into shared memory.
-    fn complete(&mut self, server: &Server, waiting: &Waiting) -> Result<(), String> {
-        let mut loan = server.loan_completion(&waiting.header).map_err(|error: LoanError| error.to_string())?;
-        let header = loan.header_mut();
-        header.model_id = self.perceiver.model().id;
-        header.class_index = self.percept.class as u32;
-        header.method = method_code(self.query.method).code();
-        header.rotation_object_to_grid = quaternion(&self.percept.rotation);
-        header.none_probability = BeyondClass::of(&self.percept).none_probability;
-        header.frame = waiting.header.completion_frame;
-        if self.query.frame == Frame::Object {
-            // The canonical grid lies elsewhere and has other voxels where size and place were searched.
-            header.position_m = object_position(&waiting.header, &self.percept);
-            header.voxel_size_m *= self.percept.placed.scale as f32;
-        }
-        let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
-        let completed = self.perceiver.complete_into(&self.query, &mut self.work, &mut self.percept, occupancy, deviation);
-        completed.map_err(|error| error.to_string())?;
-        loan.send().map_err(|error| error.to_string())
+/// Writes the completion of what was classified in place into shared memory.
+fn complete(classified: Classified<'_>, model_id: u64, query: &Query, server: &Server, asked: &ObservationHeader) -> Result<(), String> {
+    let mut loan = server.loan_completion(asked).map_err(|error: LoanError| error.to_string())?;
+    let (answer, header) = (classified.percept(), loan.header_mut());
+    header.model_id = model_id;
+    header.class_index = answer.class as u32;
+    header.method = method_code(query.method).code();
+    header.rotation_object_to_grid = quaternion(&answer.rotation);
+    header.none_probability = BeyondClass::of(answer).none_probability;
+    header.frame = asked.completion_frame;
+    if query.frame == Frame::Object {
+        // The canonical grid lies elsewhere and has other voxels where size and place were searched.
+        header.position_m = object_position(asked, answer);
+        header.voxel_size_m *= answer.placed.scale as f32;
     }
+    let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
+    classified.complete_into(occupancy, deviation).map_err(|error| error.to_string())?;
+    loan.send().map_err(|error| error.to_string())
 }
 
 /// What an answer says besides class, pose, size and place.
@@ -164,13 +189,15 @@ struct BeyondClass {
     none_probability: f32,
     fit: f32,
     resting_pose: u32,
-    is_filtered: bool,
 }
 
 impl BeyondClass {
-    /// Perception does not compute these yet, and the messages say so. The one place where they are taken from its answer.
-    fn of(_answer: &perception::Percept) -> Self {
-        Self { none_probability: NOT_COMPUTED, fit: NOT_COMPUTED, resting_pose: NO_RESTING_POSE, is_filtered: false }
+    /// What perception did not compute, the messages say so. The one place where these are taken from its answer.
+    fn of(answer: &perception::Percept) -> Self {
+        let number = |value: Option<f64>| value.map_or(NOT_COMPUTED, |value| value as f32);
+        let (none_probability, fit) = (number(answer.none_probability), number(answer.fit));
+        let resting_pose = answer.resting_pose.map_or(NO_RESTING_POSE, |place| place as u32);
+        Self { none_probability, fit, resting_pose }
     }
 }
 

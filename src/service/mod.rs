@@ -3,7 +3,8 @@
 //! | file | what |
 //! | --- | --- |
 //! | `streams` | observations that wait, the newest of each stream, by turns |
-//! | `tracks` | what was last answered of each object |
+//! | `tracks` | what is believed of each object after its last answer |
+//! | `belief` | the class of an object that is seen in several frames |
 //! | `asked` | what a header asks for |
 //! | `answer` | one observation in, percept and completion out |
 //! | `recipe` | from a model file to what answers |
@@ -15,6 +16,7 @@
 
 mod answer;
 mod asked;
+mod belief;
 mod daemon;
 mod error;
 mod latency;

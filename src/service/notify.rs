@@ -1,6 +1,10 @@
 //! Telling the service manager how it goes: the protocol of sd_notify(3), one datagram to the socket that NOTIFY_SOCKET names.
+//!
+//! The messages and the watchdog's time are those of the crate `sd-notify`. The socket is our own, as that crate's (0.5) waits where the
+//! manager does not read, which would delay observations, and knows no abstract addresses, which containers use.
 
 use beo_ipc::clock::monotonic_ns;
+use sd_notify::NotifyState;
 use std::env;
 use std::ffi::OsStr;
 use std::io;
@@ -26,27 +30,25 @@ impl Supervisor {
         let socket = env::var_os("NOTIFY_SOCKET")
             .filter(|name| !name.is_empty())
             .and_then(|name| open(&name).inspect_err(|error| tracing::warn!(%error, socket = ?name, "NOTIFY_SOCKET cannot be used")).ok());
-        let number = |name| env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
-        // The manager may mean another process of the service.
-        let meant = number("WATCHDOG_PID").is_none_or(|pid| pid == u64::from(std::process::id()));
-        let watchdog_ns = number("WATCHDOG_USEC").filter(|us| meant && *us > 0).map(|us| us.saturating_mul(1000) / 2);
+        let allowed = sd_notify::watchdog_enabled().filter(|allowed| !allowed.is_zero());
+        let watchdog_ns = allowed.map(|allowed| u64::try_from(allowed.as_nanos() / 2).unwrap_or(u64::MAX));
         Self { socket, watchdog_ns, last_alive_ns: 0, last_status_ns: 0 }
     }
 
     /// Observations are answered from now on (again).
     pub fn ready(&mut self, status: &str) {
-        self.send(&format!("READY=1\nSTATUS={status}\n"));
+        self.send(&[NotifyState::Ready, NotifyState::Status(status)]);
         self.last_status_ns = monotonic_ns();
     }
 
     /// Another model is being loaded.
     pub fn reloading(&self) {
-        self.send(&format!("RELOADING=1\nMONOTONIC_USEC={}\n", monotonic_ns() / 1000));
+        self.send(&[NotifyState::Reloading, NotifyState::MonotonicUsec((monotonic_ns() / 1000).into())]);
     }
 
     /// The end has begun.
     pub fn stopping(&self) {
-        self.send("STOPPING=1\nSTATUS=stopping\n");
+        self.send(&[NotifyState::Stopping, NotifyState::Status("stopping")]);
     }
 
     /// To be called whenever the loop comes round, and only there: a sign of life when one is due, and a line of status now and then.
@@ -57,16 +59,17 @@ impl Supervisor {
         let now = monotonic_ns();
         if self.watchdog_ns.is_some_and(|interval| now.saturating_sub(self.last_alive_ns) >= interval) {
             self.last_alive_ns = now;
-            self.send("WATCHDOG=1\n");
+            self.send(&[NotifyState::Watchdog]);
         }
         if now.saturating_sub(self.last_status_ns) >= STATUS_NS {
             self.last_status_ns = now;
-            self.send(&format!("STATUS={}\n", status()));
+            self.send(&[NotifyState::Status(&status())]);
         }
     }
 
     /// What the manager does not take is lost: it never delays an observation.
-    fn send(&self, message: &str) {
+    fn send(&self, states: &[NotifyState<'_>]) {
+        let message: String = states.iter().map(|state| format!("{state}\n")).collect();
         if let Some((socket, address)) = &self.socket
             && let Err(error) = socket.send_to_addr(message.as_bytes(), address)
         {

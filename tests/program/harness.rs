@@ -178,8 +178,7 @@ pub fn answer(observation: &Observation, query: &Query) -> Percept {
     static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
     let perceiver = PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo_core::model::load(model()).unwrap())).unwrap());
     let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
-    perceiver.classify(observation, query, &mut work, &mut percept).unwrap();
-    perceiver.complete(query, &mut work, &mut percept).unwrap();
+    perceiver.classify(observation, query, &mut work, &mut percept).unwrap().complete().unwrap();
     percept
 }
 

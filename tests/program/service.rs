@@ -2,7 +2,7 @@
 
 use crate::client::{Client, DIMS, block, explanation};
 use crate::harness::{RESOLUTION, Running, beo, instance, model, run, segments, serve, shape, text};
-use beo_ipc::{Percept, PerceptStatus, tasks};
+use beo_ipc::{Percept, PerceptStatus, Unit, cut, tasks};
 use beo_shapes::furniture;
 use rustix::process::Signal;
 use serde_json::Value;
@@ -95,15 +95,6 @@ fn what_cannot_be_answered_is_refused_with_a_reason_and_the_next_is_answered() {
     refused(client.ask(|header, _| header.unit = 2), PerceptStatus::BadHeader, "unit");
     refused(client.ask(|header, _| header.share_far = f32::NAN), PerceptStatus::BadHeader, "share_far");
     refused(client.ask(|header, _| header.reserved[0] = 1), PerceptStatus::BadHeader, "reserved");
-    for voxel in [0, 255] {
-        let nothing = client.ask(|header, voxels| {
-            (header.tasks, header.cut) = (tasks::ALL, beo_ipc::cut::OCCLUDER);
-            voxels.fill(voxel);
-        });
-        assert_eq!((nothing.class_count, nothing.hypothesis_count, nothing.tasks), (0, 0, 0));
-        assert_eq!((nothing.object_extent_m, nothing.cut), ([0.0; 3], beo_ipc::cut::OCCLUDER));
-        refused(nothing, PerceptStatus::NothingSeen, "no voxel is filled");
-    }
 
     let percept = client.ask(|header, voxels| {
         header.object_id = 42;
@@ -157,21 +148,28 @@ fn completions_keep_what_was_seen_and_predict_the_rest() {
     assert!(client.subscriber.take_completion().unwrap().is_none(), "none was asked for");
 }
 
+/// It was answered by the prior once, as the first class, with a completion.
 #[test]
-fn an_observation_that_says_nothing_is_answered_by_the_prior() {
+fn an_observation_without_an_object_has_a_status_and_no_class() {
     let name = instance();
     let _daemon = serve(&name);
     let client = Client::new(&name);
     for code in [255, 0] {
-        let percept = client.ask(|_, voxels| voxels.fill(code));
-        assert_eq!(percept.status, 0);
-        for p in &percept.posterior[..10] {
-            assert!((p - 0.1).abs() < 1e-6, "{:?}", &percept.posterior[..10]);
-        }
-        let completion = client.subscriber.take_completion().unwrap().unwrap();
-        let filled = completion.occupancy().iter().filter(|p| **p >= 128).count();
-        assert_eq!(filled == 0, code == 0, "nothing is filled where all is known to be empty: {filled}");
+        let percept = client.ask(|header, voxels| {
+            (header.tasks, header.cut, header.unit) = (tasks::ALL, cut::OCCLUDER, Unit::Metres.code());
+            voxels.fill(code);
+        });
+        assert_eq!(percept.status, PerceptStatus::NothingSeen.code(), "{}", explanation(&percept));
+        assert!(explanation(&percept).contains("no voxel is filled"));
+        assert_eq!((percept.class_index, percept.class_count, percept.hypothesis_count), (beo_ipc::NO_CLASS, 0, 0));
+        assert_eq!((percept.posterior, percept.object_extent_m), ([0.0; 64], [0.0; 3]));
+        assert_eq!((percept.tasks, percept.cut, percept.unit), (0, cut::OCCLUDER, Unit::Metres.code()));
+        assert!(client.subscriber.take_completion().unwrap().is_none());
     }
+    let seen = client.ask(|_, voxels| block(voxels));
+    assert_eq!((seen.status, seen.answer_number), (0, 3), "percepts of all kinds are counted");
+    let status = client.status(|status| status.received == 3 && status.waiting() == 0);
+    assert_eq!((status.answered, status.refused, status.nothing_seen, status.answer_number), (1, 2, 2, 3));
 }
 
 #[test]

@@ -27,8 +27,7 @@ fn dims() -> Dims {
 
 fn answer(observation: &Observation, query: &Query) -> Percept {
     let (mut work, mut percept) = (PERCEIVER.workspace(), Percept::default());
-    PERCEIVER.classify(observation, query, &mut work, &mut percept).unwrap();
-    PERCEIVER.complete(query, &mut work, &mut percept).unwrap();
+    PERCEIVER.classify(observation, query, &mut work, &mut percept).unwrap().complete().unwrap();
     percept
 }
 

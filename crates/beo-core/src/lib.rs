@@ -9,8 +9,8 @@
 //! | 6 | completion | [`perception::completion`], [`perception::ClassSubspace`] |
 //! | 7, 8 | mean and shrunk covariance of each class | [`learning`] (`shrinkage`) |
 //! | text after 9 | the shared basis W' | [`learning`] (`basis`), [`model::Basis`] |
-//! | 9, 10 | class posterior and density | [`perception::blend`], [`perception::Density`] |
-//! | 13–18 | projection of a partial query | [`perception`] (`paper`, `subspace`) |
+//! | 9, 10 | class posterior and density | [`perception`] (`densities`), [`perception::Gaussian`] |
+//! | 13–18 | projection of a partial query | [`perception`] (`paper`, `evidence`) |
 //!
 //! Beyond the paper: class densities of visual hulls ([`learning`], `hull_density`), the evidence of the known voxels
 //! ([`perception::ClassSubspace`]), and calibration on held-out objects ([`learning`], `calibration`).

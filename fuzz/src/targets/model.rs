@@ -29,8 +29,8 @@ fn open(data: &[u8]) {
                 let mut observation = Observation::unknown(dims);
                 (0..dims.voxels()).step_by(3).for_each(|voxel| observation.set(voxel, voxel % 2 == 0));
                 let query = Query { completion: true, ..Query::default() };
-                if perceiver.classify(&observation, &query, &mut work, &mut percept).is_ok() {
-                    let _ = perceiver.complete(&query, &mut work, &mut percept);
+                if let Ok(classified) = perceiver.classify(&observation, &query, &mut work, &mut percept) {
+                    let _ = classified.complete();
                 }
             }
         }

@@ -51,11 +51,12 @@ fn answer(header: &ObservationHeader, voxels: &[u8]) {
     ask(&mut query, header, PoseSearch::Known);
     SCRATCH.with_borrow_mut(|scratch| {
         let (work, percept) = scratch.get_or_insert_with(|| (perceiver.workspace(), Percept::default()));
-        if perceiver.classify(&observation, &query, work, percept).is_ok() {
-            let total: f64 = percept.posterior.iter().sum();
+        if let Ok(classified) = perceiver.classify(&observation, &query, work, percept) {
+            let found = classified.percept();
+            let total: f64 = found.posterior.iter().sum();
             assert!((total - 1.0).abs() < 1e-6, "the posterior sums to {total}");
-            assert!(percept.rotation.coords.iter().all(|value| value.is_finite()) && percept.spread.is_finite());
-            if perceiver.complete(&query, work, percept).is_ok() {
+            assert!(found.rotation.coords.iter().all(|value| value.is_finite()) && found.spread.is_finite());
+            if classified.complete().is_ok() {
                 assert!(percept.occupancy.iter().all(|p| (0.0..=1.0).contains(p)), "occupancies are probabilities");
             }
         }

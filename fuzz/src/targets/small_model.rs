@@ -2,10 +2,11 @@
 
 use beo_core::grid::Dims;
 use beo_core::learning::{FEWEST_SHAPES, TrainOptions, train};
-use beo_core::model::{Model, ViewDensities, load, save};
+use beo_core::model::{Model, Searched, ViewDensities, load, save};
 use beo_shapes::furniture;
 use beo_shapes::library::{Shape, Shapes};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Voxels along each side.
 pub const SIDE: usize = 8;
@@ -45,7 +46,8 @@ fn learned() -> Model {
     let options = TrainOptions { basis_range: [2, 3], folds: 2, ..TrainOptions::default() };
     let mut model = train(&shapes, &options, &|_| ()).expect("shapes that can be learned");
     // The view densities are most of the file: their first features are a smaller model of the same kind.
-    let views = model.view_densities.as_mut().expect("learned for a grid that is searched");
+    let Searched::Here { views, .. } = &mut model.searched else { panic!("learned for a grid that is searched") };
+    let views = Arc::make_mut(views);
     let (size, few) = (views.size, views.size.min(2));
     views.basis = first(&views.basis, size, few);
     views.means = first(&views.means, size, few);

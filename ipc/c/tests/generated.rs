@@ -61,3 +61,14 @@ fn the_c_header_is_current() {
 fn the_python_messages_are_current() {
     check("examples/python/beo_messages.py", &python::text());
 }
+
+#[test]
+fn the_page_of_the_contract_names_every_field_and_type() {
+    let page = std::fs::read_to_string(repository().join("docs/channels.md")).unwrap();
+    for message in MESSAGES {
+        assert!(message.rust == "Hypothesis" || page.contains(message.type_name), "{}", message.type_name);
+        for field in message.fields {
+            assert!(page.contains(&format!("`{}`", field.name)), "{}.{}", message.rust, field.name);
+        }
+    }
+}

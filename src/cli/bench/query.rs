@@ -65,7 +65,7 @@ impl Query {
         let stop = stop::on_signal()?;
         let watch = Watch::start();
         let model = Arc::new(load(&self.model)?);
-        if !model.levels.is_empty() {
+        if !model.levels().is_empty() {
             let line = format!("{} is for grids of {}: `beo bench large` times those", self.model.display(), model.dims());
             return Err(Failure::Usage(line));
         }

@@ -95,8 +95,7 @@ pub fn fit_blend(scores: &[Vec<Vec<f64>>], labels: &[usize], classes: usize, wit
                         p[c] += x[q] * features[c * size + q];
                     }
                 }
-                let peak = p.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                let normaliser = peak + p.iter().map(|v| (v - peak).exp()).sum::<f64>().ln();
+                let normaliser = crate::perception::densities::log_sum::log_sum_exp(p.iter().copied());
                 loss += weight * (normaliser - p[label]);
                 p.iter_mut().for_each(|v| *v = (*v - normaliser).exp());
                 let mean: Vec<f64> = (0..size).map(|q| (0..classes).map(|c| p[c] * features[c * size + q]).sum()).collect();
@@ -121,7 +120,7 @@ pub fn fit_blend(scores: &[Vec<Vec<f64>>], labels: &[usize], classes: usize, wit
         for (i, (label, weight)) in labels.iter().zip(&importance).enumerate() {
             let mut p: Vec<f64> =
                 (0..classes).map(|c| offsets[c] + (0..scores.len()).map(|s| weights[s] * centred[s][i][c]).sum::<f64>()).collect();
-            crate::perception::blend::softmax(&mut p);
+            crate::perception::densities::log_sum::softmax(&mut p);
             log_loss -= weight * p[*label].max(1e-300).ln();
             accuracy += if p.iter().all(|other| *other <= p[*label]) { *weight } else { 0.0 };
         }
@@ -182,7 +181,7 @@ mod tests {
         for _ in 0..6000 {
             let row: Vec<f64> = (0..3).map(|_| rng.random_range(-200.0..200.0)).collect();
             let mut p: Vec<f64> = row.iter().zip(offsets).map(|(s, o)| 0.02 * s + o).collect();
-            crate::perception::blend::softmax(&mut p);
+            crate::perception::densities::log_sum::softmax(&mut p);
             let draw: f64 = rng.random_range(0.0..1.0);
             labels.push(if draw < p[0] {
                 0

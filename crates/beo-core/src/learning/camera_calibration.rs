@@ -4,16 +4,18 @@ use super::calibration::fit_blend;
 use super::camera_density::{LeftOut, Views};
 use super::camera_views::{AtRest, Part, Sample, stream};
 use crate::grid::Outside;
-use crate::linear::LinearError;
 use crate::model::{Blend, CameraCalibration, CameraDensities, YAWS};
+use crate::perception::PerceiveError;
+use crate::perception::camera::camera_search::ModeRefiner;
 use crate::perception::camera::{CameraScores, Cell, Told, ViewWork};
-use crate::perception::{Conditional, PlacedEvidence};
-use nalgebra::Vector3;
+use crate::perception::densities::log_sum::log_sum_exp;
+use crate::perception::evidence::placed::EvidenceScratch;
 use rand::seq::SliceRandom;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Views for the calibration: so many per shape that is left out, but no more in all.
 const SEEN: usize = 4;
@@ -45,7 +47,7 @@ impl Scored {
         for (cell, size) in self.cells.iter().zip(&self.log_sizes) {
             terms[cell.class].push(value(cell, *size, weight, size_weight));
         }
-        terms.iter().map(|of| log_sum(of) / weight).collect()
+        terms.iter().map(|of| log_sum_exp(of.iter().copied()) / weight).collect()
     }
 }
 
@@ -55,30 +57,31 @@ fn value(cell: &Cell, log_size: f64, weight: f64, size_weight: f64) -> f64 {
 
 /// Fits all of it.
 pub fn calibrate(
-    densities: &CameraDensities,
+    densities: CameraDensities,
     parts: &[Part],
     left_out: &LeftOut<'_>,
     classes: usize,
     views: &Views<'_>,
-) -> Result<CameraCalibration, LinearError> {
-    let scores = CameraScores::new(densities);
+) -> Result<CameraCalibration, PerceiveError> {
+    let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
+    let scores = CameraScores::new(Arc::new(densities));
+    let components = scores.components();
     let seed = views.seed;
     let mut chosen: Vec<(usize, usize, usize)> = (0..classes)
         .flat_map(|s| left_out.held[s].iter().flat_map(move |shape| (0..SEEN).map(move |n| (s, *shape, n))))
         .collect();
     chosen.shuffle(&mut stream(seed, 1 << 23, 0));
     chosen.truncate(MOST_SEEN);
-    let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
     let score = |(class, shape, view): &(usize, usize, usize)| -> Option<Scored> {
         let mut rng = stream(seed, 1 << 22 | *class as u64, (*shape * SEEN + *view) as u64);
         let (component, at_rest) = rests(parts, *class, *shape, &mut rng)?;
         let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
         let sample = at_rest.see(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng)?;
         let mut work = ViewWork::default();
-        scores.score(densities, &sample.frame, &sample.observation, &Told::default(), &vec![true; classes], &mut work);
+        scores.score(&sample.frame, &sample.observation, &Told::default(), &vec![true; classes], &mut work);
         let cells = std::mem::take(&mut work.cells);
         let log_size = |cell: &Cell| -> f64 {
-            let size = densities.components[cell.component].size;
+            let size = components[cell.component].size;
             size.zip(sample.unit_m()).map_or(0.0, |(size, unit)| cell.log_size(&size, unit))
         };
         let log_sizes = cells.iter().map(log_size).collect();
@@ -93,14 +96,14 @@ pub fn calibrate(
             let of_class = || view.cells.iter().zip(&view.log_sizes).filter(|(cell, _)| cell.class == view.class);
             let all: Vec<f64> = of_class().map(|(cell, size)| value(cell, *size, weight, 0.0)).collect();
             let truth = of_class().position(|(cell, _)| (cell.component, cell.step) == view.truth);
-            truth.map_or(0.0, |truth| log_sum(&all) - all[truth])
+            truth.map_or(0.0, |truth| log_sum_exp(all.iter().copied()) - all[truth])
         };
         scored.iter().map(loss).sum::<f64>() / scored.len().max(1) as f64
     };
     let losses = WEIGHTS.map(pose_loss);
     let best = (0..WEIGHTS.len()).min_by(|a, b| losses[*a].total_cmp(&losses[*b])).unwrap_or(0);
     let pose_weight = WEIGHTS[best];
-    let sized = densities.components.iter().any(|component| component.size.is_some());
+    let sized = components.iter().any(|component| component.size.is_some());
     let size_weights: &[f64] = if sized { &SIZE_WEIGHTS } else { &[0.0] };
     let fits = size_weights.iter().map(|size_weight| {
         let marginals: Vec<Vec<f64>> = scored.iter().map(|view| view.marginal(classes, pose_weight, *size_weight)).collect();
@@ -108,7 +111,7 @@ pub fn calibrate(
         tracing::debug!(size_weight, log_loss = fitted.log_loss, accuracy = fitted.accuracy, "sizes on shapes that were left out");
         Ok((*size_weight, marginals, fitted))
     });
-    let fits: Vec<_> = fits.collect::<Result<_, LinearError>>()?;
+    let fits: Vec<_> = fits.collect::<Result<_, PerceiveError>>()?;
     let (size_weight, marginals, fitted) =
         fits.into_iter().min_by(|a, b| a.2.log_loss.total_cmp(&b.2.log_loss)).expect("there are weights");
     tracing::debug!(
@@ -118,7 +121,7 @@ pub fn calibrate(
         accuracy = fitted.accuracy,
         weight = fitted.weights[0],
         size_weight,
-        components = densities.components.len(),
+        components = components.len(),
         views = labels.len(),
         "camera densities on shapes that were left out"
     );
@@ -128,6 +131,7 @@ pub fn calibrate(
         size_weight: sized.then_some(size_weight),
         blend: Blend { hull: fitted.weights[0], offsets: fitted.offsets, ..Blend::default() },
         together,
+        spread: None,
         views: labels.len(),
         accuracy: fitted.accuracy,
         log_loss: fitted.log_loss,
@@ -159,30 +163,30 @@ fn weigh(
     classes: usize,
     pose_weight: f64,
     size_weight: f64,
-) -> Result<Option<Blend>, LinearError> {
-    if scored.is_empty() || left_out.subspaces.is_empty() || scored.iter().any(|view| view.sample.observation.dims() != left_out.dims) {
+) -> Result<Option<Blend>, PerceiveError> {
+    let dims = left_out.evidence.dims();
+    if scored.is_empty() || scored.iter().any(|view| view.sample.observation.dims() != dims) {
         return Ok(None);
     }
-    let weigh_one = |n: usize| -> Result<Vec<f64>, LinearError> {
+    let weigh_one = |n: usize| -> Result<Vec<f64>, PerceiveError> {
         let view = &scored[n];
         let mut likely: Vec<usize> = (0..classes).collect();
         likely.sort_by(|a, b| marginals[n][*b].total_cmp(&marginals[n][*a]).then(a.cmp(b)));
         likely.truncate(LIKELY);
-        let mut placed_evidence = PlacedEvidence::new(&view.sample.observation, Outside::Unknown, left_out.noise);
+        let refiner = ModeRefiner {
+            evidence: &left_out.evidence,
+            weight: left_out.evidence_weight,
+            outside: Outside::Unknown,
+            frame: &view.sample.frame,
+            told: &Told::default(),
+        };
+        let mut scratch = EvidenceScratch::new(dims);
         let mut evidence = vec![f64::INFINITY; classes];
         for class in likely {
             let of_class = view.cells.iter().zip(&view.log_sizes).filter(|(cell, _)| cell.class == class);
             let by_value = of_class.map(|(cell, size)| (cell, value(cell, *size, pose_weight, size_weight)));
             let Some((cell, _)) = by_value.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
-            let subspace = &left_out.subspaces[class];
-            let mut conditional = Conditional::new(subspace.size());
-            let start = crate::perception::camera::start(cell, &Told::default());
-            let refined = crate::perception::camera::refine(&start, |at| {
-                let placed = cell.placed(&view.sample.frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
-                placed_evidence.place(&placed);
-                Ok::<_, LinearError>(left_out.evidence_weight * placed_evidence.of(subspace, placed.scale, &mut conditional)?)
-            })?;
-            evidence[class] = (refined.value - start.log_density(&refined.parameters)) / left_out.evidence_weight;
+            evidence[class] = refiner.refine(&view.sample.observation, cell, &mut scratch)?.log_evidence;
         }
         let least = evidence.iter().copied().fold(f64::INFINITY, f64::min);
         let least = if least.is_finite() { least } else { 0.0 };
@@ -195,10 +199,4 @@ fn weigh(
     let both = fit_blend(&[marginals[..count].to_vec(), evidence], &labels, classes, true)?;
     tracing::debug!(log_loss = both.log_loss, accuracy = both.accuracy, weights = ?both.weights, "with the evidence, each class as it lies best");
     Ok(Some(Blend { hull: both.weights[0], evidence: both.weights[1], distance: 0.0, offsets: both.offsets }))
-}
-
-/// log Σ exp(value).
-fn log_sum(values: &[f64]) -> f64 {
-    let peak = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if peak.is_finite() { peak + values.iter().map(|v| (v - peak).exp()).sum::<f64>().ln() } else { peak }
 }

@@ -10,11 +10,11 @@ use super::camera_calibration::calibrate;
 use super::camera_views::{ClassShapes, Part, around, parts, stream};
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
-use crate::grid::Dims;
 use crate::linear::LinearError;
 use crate::model::{CameraCalibration, CameraDensities, OFFSETS, YAWS};
-use crate::perception::ClassSubspace;
-use crate::perception::camera::{CELLS, CameraScores, Shadow, ShadowImage};
+use crate::perception::PerceiveError;
+use crate::perception::camera::{CELLS, CameraFeatures, Shadow, ShadowImage};
+use crate::perception::evidence::placed::EvidenceModel;
 use crate::simulation::Sensing;
 use faer::Mat;
 use half::f16;
@@ -46,14 +46,10 @@ pub struct Learned {
 pub struct LeftOut<'a> {
     /// Of each class, which of its shapes are left out.
     pub held: &'a [Vec<usize>],
-    /// Class subspaces learned from the others; none where the evidence is not weighed.
-    pub subspaces: Vec<ClassSubspace>,
-    /// Variance of a voxel about them, inflated.
-    pub noise: f64,
+    /// Classes learned from the others.
+    pub evidence: EvidenceModel,
     /// Factor on the log evidence where poses are refined by it.
     pub evidence_weight: f64,
-    /// Grids of the subspaces.
-    pub dims: Dims,
 }
 
 /// How views are made.
@@ -70,12 +66,12 @@ pub struct Views<'a> {
 }
 
 /// Learns from the shapes of each class. The same shapes and seed give the same densities, whatever the number of threads.
-pub fn camera_densities(classes: &[ClassShapes<'_>], left_out: &LeftOut<'_>, views: &Views<'_>) -> Result<Learned, LinearError> {
+pub fn camera_densities(classes: &[ClassShapes<'_>], left_out: &LeftOut<'_>, views: &Views<'_>) -> Result<Learned, PerceiveError> {
     let parts = parts(classes, views.lying);
     let features = feature_basis(&parts, views)?;
     let is_kept = |class: usize, shape: usize| !left_out.held[class].contains(&shape);
     let densities = fit(&parts, views, &features, 2, &is_kept)?;
-    let calibration = calibrate(&densities, &parts, left_out, classes.len(), views)?;
+    let calibration = calibrate(densities, &parts, left_out, classes.len(), views)?;
     Ok(Learned { densities: fit(&parts, views, &features, 1, &|_, _| true)?, calibration })
 }
 
@@ -140,7 +136,7 @@ fn fit(
         regression: Vec::new(),
         deviations: Vec::new(),
     };
-    let scores = CameraScores::new(&densities);
+    let scores = CameraFeatures::new(&densities.basis, size);
     let ridge = (LEAST_VARIANCE * features.variance).max(1e-4);
     let bounds = VIEW_BOUNDS[usize::from(parts.len() > FEW_COMPONENTS)];
     for e in 0..views.elevations.len() {
@@ -162,7 +158,7 @@ fn fit(
                         let turned = angle + around(WINDOW * TAU / YAWS as f64, &mut rng);
                         let elevation = views.elevations[e] + around(WINDOW * reach(views.elevations, e), &mut rng);
                         if let Some(sample) = shape.see(turned, elevation, views.sensing, &mut rng) {
-                            scores.features(&sample.frame, &sample.observation, &mut shadow, &mut z);
+                            scores.of(&sample.frame, &sample.observation, &mut shadow, &mut z);
                             rows.extend_from_slice(&z);
                             offsets.push(sample.offsets(&part.component.rotation(), angle));
                         }

@@ -6,9 +6,11 @@ use super::hull_density::HullMoments;
 use super::train::{TrainError, TrainOptions};
 use crate::linear::LinearError;
 use crate::model::{Blend, Calibration, CompletionCalibration};
-use crate::perception::completion::{Block, ForEachBlock, Part, Unknown};
+use crate::perception::completion::voxels::{Block, ForEachBlock, Part, Unknown};
+use crate::perception::densities::gaussian::log_student;
+use crate::perception::evidence::placed::EvidenceModel;
 use crate::perception::lanes::dispatch;
-use crate::perception::{ClassSubspace, Conditional, Density, Known};
+use crate::perception::{ClassSubspace, Conditional, Gaussian, Known};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
@@ -46,13 +48,8 @@ pub(super) struct HeldOut {
 type Voxel = ([f32; 5], f32, bool);
 
 impl HeldOut {
-    /// Also gives the class subspaces that were learned without the fold, and the noise variance.
-    pub fn measure(
-        data: &Data<'_>,
-        fold: &Fold,
-        options: &TrainOptions,
-        pass: &dyn Fn(Pass),
-    ) -> Result<(Self, (Vec<ClassSubspace>, f64)), TrainError> {
+    /// Also gives the classes that were learned without the fold, with the noise variance as it is.
+    pub fn measure(data: &Data<'_>, fold: &Fold, options: &TrainOptions, pass: &dyn Fn(Pass)) -> Result<(Self, EvidenceModel), TrainError> {
         let fit = Fit::new(data, &fold.kept, options, pass)?;
         let rank = fit.basis.rank();
         let view = options.views[0];
@@ -69,8 +66,8 @@ impl HeldOut {
                 .into_par_iter()
                 .map(|s| {
                     let (mean, scale) = moments.density(s, strength);
-                    let density = Density::new(&mean, &scale)?;
-                    Ok((density.distances2(projected.as_ref()), density.log_volume()))
+                    let density = Gaussian::new(&mean, &scale)?;
+                    Ok((density.squared_distances(projected.as_ref()), density.log_volume()))
                 })
                 .collect::<Result<_, LinearError>>()?;
             hull.push((0..labels.len()).map(|i| by_class.iter().map(|(distances, volume)| (distances[i], *volume)).collect()).collect());
@@ -129,12 +126,12 @@ impl HeldOut {
         let evidence = (0..INFLATIONS.len()).map(|i| measured.iter().map(|m| m.0[i].clone()).collect()).collect();
         let distance = measured.iter().map(|m| m.1.clone()).collect();
         let voxels = (0..INFLATIONS.len()).map(|i| measured.iter().flat_map(|m| m.2[i].iter().copied()).collect()).collect();
-        Ok((Self { labels, hull, rank, sampled, evidence, distance, voxels }, (subspaces, fit.noise)))
+        let model = EvidenceModel { rows: fit.reading, subspaces, noise_variance: fit.noise };
+        Ok((Self { labels, hull, rank, sampled, evidence, distance, voxels }, model))
     }
 
     fn hull_scores(&self, strength: usize, freedom: f64) -> Vec<Vec<f64>> {
-        let a = self.rank as f64;
-        let score = |(m, volume): &(f64, f64)| volume - 0.5 * (freedom + a) * (m / freedom).ln_1p();
+        let score = |(m, volume): &(f64, f64)| volume + log_student(*m, freedom, self.rank);
         self.hull[strength].iter().map(|row| row.iter().map(score).collect()).collect()
     }
 }

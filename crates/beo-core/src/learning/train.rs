@@ -10,11 +10,13 @@ use super::shrinkage::{centre, shrunk_covariance};
 use super::view_density::view_densities;
 use crate::grid::{Dims, Occupancy, Shrinking, View};
 use crate::linear::LinearError;
-use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Settings, levels_of};
-use crate::perception::ClassSubspace;
+use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Searched, Settings, levels_of};
+use crate::perception::PerceiveError;
+use crate::perception::evidence::placed::EvidenceModel;
 use crate::simulation::Sensing;
 use faer::Mat;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Fewest shapes of a class.
 pub const FEWEST_SHAPES: usize = 4;
@@ -39,7 +41,7 @@ pub struct TrainOptions {
     /// Number of folds, at least two.
     pub folds: usize,
     /// Whether to learn what poses are searched with: smaller grids, and views from all sides. A model without them answers queries in
-    /// known pose, the same as with them, and is not to be saved.
+    /// known pose alone, the same as with them.
     pub poses: bool,
     /// Splits that the shapes come from, for the record.
     pub splits: Vec<String>,
@@ -106,6 +108,9 @@ pub enum TrainError {
     /// A matrix could not be factorised.
     #[error(transparent)]
     Linear(#[from] LinearError),
+    /// Shapes that were left out could not be perceived.
+    #[error(transparent)]
+    Perceive(#[from] PerceiveError),
 }
 
 /// A step of the training, for progress reports.
@@ -152,13 +157,13 @@ pub fn train(shapes: &ShapeSet, options: &TrainOptions, progress: &(dyn Fn(Step)
         shapes.shapes.iter().zip(lengths).for_each(|(shape, lengths)| of_class[shape.class].push(*lengths));
         data.lengths_m = Some(of_class);
     }
-    let model = learn(
-        &data,
-        &shapes.classes,
-        &TrainOptions { camera_elevations_deg: elevations, ..options.clone() },
-        progress,
-    )?;
-    Ok(Model { levels, ..model })
+    let options = TrainOptions { camera_elevations_deg: elevations, ..options.clone() };
+    let model = learn(&data, &shapes.classes, &options, progress)?;
+    let searched = match model.searched {
+        Searched::KnownPoseOnly { footprint: Some(footprint) } if !levels.is_empty() => Searched::OnLevels { footprint, levels },
+        searched => searched,
+    };
+    Ok(Model { searched, ..model })
 }
 
 /// The shapes of each class, which all have one size.
@@ -194,7 +199,7 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
 
     let mut held_out = Vec::new();
     // What was learned without the first fold also scores what cameras see of it.
-    let mut first: Option<(Vec<ClassSubspace>, f64)> = None;
+    let mut first: Option<EvidenceModel> = None;
     for (f, fold) in folds.iter().enumerate() {
         const NAME: &str = "fitting without a fold, scoring it";
         step(NAME, f);
@@ -226,18 +231,15 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         turned = Some(view_densities(&data.classes, options.seed)?);
     }
     let mut camera = None;
-    if cameras {
+    if let Some(first) = first {
         step("learning what cameras see", folds.len() + 3);
         let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
-        let (subspaces, noise) = first.take().unwrap_or_default();
         let mut held = vec![Vec::new(); data.classes.len()];
         folds[0].held.iter().for_each(|(class, shape)| held[*class].push(*shape));
         let left_out = LeftOut {
             held: &held,
-            subspaces,
-            noise: noise * calibration.noise_inflation,
+            evidence: EvidenceModel { noise_variance: first.noise_variance * calibration.noise_inflation, ..first },
             evidence_weight: calibration.evidence.evidence.max(1e-9),
-            dims: data.dims,
         };
         let lengths = |class: usize| data.lengths_m.as_ref().map(|lengths| &lengths[class][..]);
         let shapes: Vec<ClassShapes<'_>> =
@@ -286,6 +288,7 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
             splits: options.splits.clone(),
             views: options.views.clone(),
             camera_elevations_deg: options.camera_elevations_deg.clone(),
+            poses: options.poses,
             variance_share: options.variance_share,
             basis_range: options.basis_range,
             longest_side: options.longest_side,
@@ -294,7 +297,11 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         },
     };
     let Fit { basis, footprint, .. } = fit;
-    Ok(Model { id: 0, metadata, basis, classes, view_densities: turned, camera_densities: camera, footprint, levels: Vec::new() })
+    let searched = match turned {
+        Some(views) => Searched::Here { views: Arc::new(views), cameras: camera.map(Arc::new) },
+        None => Searched::KnownPoseOnly { footprint },
+    };
+    Ok(Model { id: 0, metadata, basis, classes, searched })
 }
 
 #[cfg(test)]
@@ -302,12 +309,12 @@ mod tests {
     use super::*;
     use crate::furniture;
     use crate::learning::Shape;
-    use crate::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query};
-    use std::sync::Arc;
+    use crate::perception::{Perceiver, Percept, PoseSearch, Query};
 
     /// On a grid on which poses are searched, and on one that is too large for that.
     #[test]
-    fn a_model_without_poses_completes_as_one_with_them_and_refuses_to_search() {
+    fn a_model_without_poses_is_saved_completes_as_one_with_them_and_refuses_to_search() {
+        let folder = tempfile::tempdir().unwrap();
         for side in [16, 66] {
             let dims = Dims::cube(side).unwrap();
             let object = |seed| furniture::make("chair", dims, seed).unwrap();
@@ -316,16 +323,21 @@ mod tests {
             let mut answers = Vec::new();
             for poses in [true, false] {
                 let model = train(&shapes, &TrainOptions { poses, ..TrainOptions::default() }, &|_| {}).unwrap();
-                assert_eq!((model.levels.is_empty(), model.view_densities.is_some()), (side == 16 || !poses, side == 16 && poses));
-                let perceiver = Perceiver::new(Arc::new(model)).unwrap();
+                assert_eq!((model.levels().is_empty(), model.view_densities().is_some()), (side == 16 || !poses, side == 16 && poses));
+                // What was saved is loaded as the same kind of model.
+                let file = folder.path().join("a.safetensors");
+                crate::model::save(&model, &file).unwrap();
+                let loaded = crate::model::load(&file).unwrap();
+                assert_eq!(std::mem::discriminant(&loaded.searched), std::mem::discriminant(&model.searched));
+                assert_eq!(crate::model::outline(&file).unwrap().levels.len(), model.levels().len());
+                let perceiver = Perceiver::new(Arc::new(loaded)).unwrap();
                 let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
                 let seen = View::Top.of(&object(9));
                 let mut query = Query { completion: true, ..Query::default() };
-                perceiver.classify(&seen, &query, &mut work, &mut percept).unwrap();
-                perceiver.complete(&query, &mut work, &mut percept).unwrap();
+                perceiver.classify(&seen, &query, &mut work, &mut percept).unwrap().complete().unwrap();
                 answers.push(percept.occupancy.clone());
                 query.pose = PoseSearch::Yaw { span: 1.0 };
-                let searched = perceiver.classify(&seen, &query, &mut work, &mut percept);
+                let searched = perceiver.classify(&seen, &query, &mut work, &mut percept).map(|_| ());
                 assert_eq!(matches!(searched, Err(PerceiveError::KnownPoseOnly)), !poses, "{searched:?}");
             }
             assert_eq!(answers[0], answers[1], "{side}");

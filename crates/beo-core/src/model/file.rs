@@ -4,10 +4,10 @@ use super::camera_density::CELLS;
 use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::{
     Basis, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model, OFFSETS,
-    ViewDensities, YAWS, levels_of, mapping,
+    Searched, ViewDensities, YAWS, levels_of, mapping,
 };
 use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
-use crate::grid::Pooling;
+use crate::grid::{Dims, Pooling};
 use crate::text::printable;
 use half::f16;
 use memmap2::Mmap;
@@ -125,7 +125,7 @@ fn level_bytes(level: &Model) -> Vec<u8> {
     with_tensors(level, |tensors, header| safetensors::serialize(tensors, Some(header)).expect("names and shapes are sound"))
 }
 
-fn level_name(dims: crate::grid::Dims) -> String {
+fn level_name(dims: Dims) -> String {
     format!("level_{}", <[usize; 3]>::from(dims).into_iter().fold(0, usize::max))
 }
 
@@ -152,7 +152,7 @@ fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>
         ("basis".into(), Dtype::F16, vec![model.basis.voxels(), rank], bytemuck::cast_slice(model.basis.values())),
         ("class_variances".into(), Dtype::F64, vec![variances.len()], bytemuck::cast_slice(&variances)),
     ];
-    if let Some(views) = &model.view_densities {
+    if let Some(views) = model.view_densities() {
         let p = views.size;
         let halves: [(&str, Vec<usize>, &[f16]); 4] = [
             ("view_basis", vec![views.basis.len() / p, p], &views.basis),
@@ -165,18 +165,18 @@ fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>
         }
     }
     let (bits, pieces);
-    if let Some(footprint) = &model.footprint {
+    if let Some(footprint) = model.footprint() {
         bits = footprint.bytes();
         pieces = checksums(bytemuck::cast_slice(model.basis.values()));
         tensors.push(("basis_footprint".into(), Dtype::U8, vec![bits.len()], &bits));
         tensors.push(("basis_gram".into(), Dtype::F64, vec![footprint.gram.len()], bytemuck::cast_slice(&footprint.gram)));
         tensors.push(("basis_pieces".into(), Dtype::U32, vec![pieces.len()], bytemuck::cast_slice(&pieces)));
     }
-    let levels: Vec<(String, Vec<u8>)> = model.levels.iter().map(|level| (level_name(level.dims()), level_bytes(level))).collect();
+    let levels: Vec<(String, Vec<u8>)> = model.levels().iter().map(|level| (level_name(level.dims()), level_bytes(level))).collect();
     for (name, bytes) in &levels {
         tensors.push((name.clone(), Dtype::U8, vec![bytes.len()], bytes));
     }
-    if let Some(cameras) = &model.camera_densities {
+    if let Some(cameras) = model.camera_densities() {
         let (e, components, p) = (cameras.elevations.len(), cameras.components.len(), cameras.size);
         let halves: [(&str, Vec<usize>, &[f16]); 4] = [
             ("camera_basis", vec![cameras.basis.len() / p, p], &cameras.basis),
@@ -264,7 +264,7 @@ fn outline_of(file: Opened) -> Result<Outline, ModelError> {
         let tensor = file.tensor(&tensors, &level_name(dims))?;
         outline_of(Opened::within(&file.path, file.map.clone(), file.range(tensor.data()))?)
     };
-    let levels = levels_of(file.header.metadata.dims).into_iter().map(level).collect::<Result<_, ModelError>>()?;
+    let levels = levels_in(&file.header.metadata).into_iter().map(level).collect::<Result<_, ModelError>>()?;
     let basis_bytes = (file.header.metadata.dims.voxels() * rank * size_of::<f16>()) as u64;
     Ok(Outline { rank, file_bytes: file.within.len() as u64, basis_bytes, levels, metadata: file.header.metadata })
 }
@@ -296,15 +296,15 @@ fn read(file: &Opened) -> Result<Model, ModelError> {
     let total: usize = metadata.classes.iter().map(|c| c.basis_size).sum();
     let rank = file.rank(&tensors)?;
     let basis = file.tensor(&tensors, "basis")?;
-    let levels = file.levels(&tensors, metadata)?;
-    let footprint = if levels.is_empty() { None } else { Some(file.footprint(&tensors, metadata, rank)?) };
-    let first_touch = match &footprint {
+    let searched = file.searched(&tensors, metadata, rank)?;
+    let in_place = !matches!(searched, Searched::Here { .. } | Searched::KnownPoseOnly { footprint: None });
+    let first_touch = match in_place {
         _ if basis.data().len() < CHECKED_AT_LOAD => {
             file.check("basis", basis.data())?;
             None
         }
-        Some(_) => Some(FirstTouch::new(file.words(&tensors, "basis_pieces", &[basis.data().len().div_ceil(PIECE)])?)),
-        None => None,
+        true => Some(FirstTouch::new(file.words(&tensors, "basis_pieces", &[basis.data().len().div_ceil(PIECE)])?)),
+        false => None,
     };
     let basis = Basis::mapped(rank, file.map.clone(), file.range(basis.data()), first_touch);
 
@@ -322,8 +322,6 @@ fn read(file: &Opened) -> Result<Model, ModelError> {
             file.symmetric(&tensors, &format!("hull_{}_covariance", view.name()), m, rank)?,
         ));
     }
-    let view_densities = if levels.is_empty() { Some(file.view_densities(&tensors, metadata)?) } else { None };
-    let camera_densities = file.camera_densities(&tensors, metadata)?;
     let slice = |values: &[f32], s: usize, size: usize| values[s * size..(s + 1) * size].to_vec();
     let mut first = 0;
     let classes = metadata
@@ -346,7 +344,12 @@ fn read(file: &Opened) -> Result<Model, ModelError> {
         })
         .collect();
     let id = u64::from(file.header.checksum) << 32 | u64::from(file.header.checksums.get("basis").copied().unwrap_or(0));
-    Ok(Model { id, metadata: file.header.metadata.clone(), basis, classes, view_densities, camera_densities, footprint, levels })
+    Ok(Model { id, metadata: file.header.metadata.clone(), basis, classes, searched })
+}
+
+/// The smaller grids whose models a file holds.
+fn levels_in(metadata: &Metadata) -> Vec<Dims> {
+    if metadata.settings.poses { levels_of(metadata.dims) } else { Vec::new() }
 }
 
 /// What a file that was written by `save` always satisfies, and a hand-made one may not.
@@ -369,13 +372,17 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
     if !ascending || elevations.len() > 32 || !elevations.iter().all(|e| (-90.0..=90.0).contains(e)) {
         return Err("its cameras' elevations are not at most 32 ascending angles from -90 to 90".into());
     }
+    if !metadata.settings.poses && !elevations.is_empty() {
+        return Err("it was learned for known poses alone, but names elevations of cameras".into());
+    }
     match (&calibration.camera, elevations.is_empty()) {
         (None, true) => (),
         (Some(camera), false)
             if camera.pose_weight > 0.0
                 && std::iter::once(&camera.blend)
                     .chain(&camera.together)
-                    .all(|blend| blend.offsets.len() == m && blend.distance == 0.0) => {}
+                    .all(|blend| blend.offsets.len() == m && blend.distance == 0.0)
+                && camera.spread.is_none_or(|spread| spread.place.iter().chain(&spread.extent).all(|v| *v > 0.0 && *v < 1e3)) => {}
         _ => return Err("its calibration does not fit its cameras".into()),
     }
     check_components(metadata)?;
@@ -486,7 +493,27 @@ impl Opened {
             }
             Ok(level)
         };
-        levels_of(metadata.dims).into_iter().map(level).collect()
+        levels_in(metadata).into_iter().map(level).collect()
+    }
+
+    /// With what the model is searched: its settings say whether at all, and its dims on which grids.
+    fn searched(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Searched, ModelError> {
+        let is_large = !levels_of(metadata.dims).is_empty();
+        match (metadata.settings.poses, is_large) {
+            (true, false) => {
+                let cameras = self.camera_densities(tensors, metadata)?.map(Arc::new);
+                Ok(Searched::Here { views: Arc::new(self.view_densities(tensors, metadata)?), cameras })
+            }
+            (true, true) => {
+                let (footprint, levels) = (self.footprint(tensors, metadata, rank)?, self.levels(tensors, metadata)?);
+                if levels.iter().any(|level| !matches!(level.searched, Searched::Here { .. })) {
+                    return Err(self.invalid("one of its smaller grids is not searched itself"));
+                }
+                Ok(Searched::OnLevels { footprint, levels })
+            }
+            (false, true) => Ok(Searched::KnownPoseOnly { footprint: Some(self.footprint(tensors, metadata, rank)?) }),
+            (false, false) => Ok(Searched::KnownPoseOnly { footprint: None }),
+        }
     }
 
     fn footprint(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Footprint, ModelError> {

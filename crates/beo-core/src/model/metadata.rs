@@ -59,6 +59,9 @@ pub struct Settings {
     /// Elevations of cameras whose views were learned, degrees above the horizontal, ascending; none if it was not.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub camera_elevations_deg: Vec<f64>,
+    /// Whether the model has what poses, sizes and places are searched with.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub poses: bool,
     /// Share of the variance that sizes a class basis.
     pub variance_share: f64,
     /// Least and most components of a class basis.
@@ -69,6 +72,15 @@ pub struct Settings {
     pub seed: u64,
     /// Number of folds.
     pub folds: usize,
+}
+
+/// Models were always searched before this was written down; those that are do not write it, so that older programs read them.
+fn yes() -> bool {
+    true
+}
+
+fn is_yes(value: &bool) -> bool {
+    *value
 }
 
 /// A blend of class scores: log posterior = Σ_j weight_j score_j + offset_s + log prior_s + constant.
@@ -130,12 +142,32 @@ pub struct CameraCalibration {
     /// big to fit it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub together: Option<Blend>,
+    /// Factors on the standard deviations of place and size; none in models of version 0.1.0, which then use [`CameraSpread::default`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spread: Option<CameraSpread>,
     /// Views of shapes that were left out, on which this was fitted.
     pub views: usize,
     /// Accuracy on them in unknown yaw, classes weighted alike.
     pub accuracy: f64,
     /// Mean negative log posterior of the true class on them, in nats.
     pub log_loss: f64,
+}
+
+/// By how much standard deviations of place and size, as the densities of views and the search about them give them, are multiplied, so that
+/// of views of shapes that were left out as many errors are within one deviation as of a Gaussian.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraSpread {
+    /// Of the place of the object's centre along the axes of the view's frame: the direction of looking, to the side of it, and up.
+    pub place: [f64; 3],
+    /// Of the lengths of the object's box along its own axes.
+    pub extent: [f64; 3],
+}
+
+impl Default for CameraSpread {
+    /// Of models that were learned before these were fitted: found on made-up household things that such models had not been trained on.
+    fn default() -> Self {
+        Self { place: [1.8; 3], extent: [1.8; 3] }
+    }
 }
 
 /// How the posterior mean m of an unknown voxel becomes the probability p that it is filled:

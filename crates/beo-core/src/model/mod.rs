@@ -19,10 +19,13 @@ pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, OFFSETS, YAWS};
 pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
 pub use first_touch::Damaged;
 pub use footprint::Footprint;
-pub use metadata::{Blend, Calibration, CameraCalibration, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings};
+pub use metadata::{
+    Blend, Calibration, CameraCalibration, CameraSpread, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings,
+};
 pub use view_density::{DIRECTIONS, ViewDensities};
 
 use crate::grid::{Dims, View};
+use std::sync::Arc;
 
 /// Most classes that a model, and a percept, can name.
 pub const MOST_CLASSES: usize = 64;
@@ -66,14 +69,32 @@ pub struct Model {
     pub basis: Basis,
     /// One entry per class, in the order of `metadata.classes`.
     pub classes: Vec<ClassModel>,
-    /// Densities of turned objects seen from above; `None` where smaller grids are searched instead.
-    pub view_densities: Option<ViewDensities>,
-    /// Densities of what cameras see, if they were learned.
-    pub camera_densities: Option<CameraDensities>,
-    /// Where W' is not zero, if it is to be read in place.
-    pub footprint: Option<Footprint>,
-    /// Models of the same shapes on smaller grids, in which poses are searched; from the smallest on.
-    pub levels: Vec<Model>,
+    /// With what poses, sizes and places are searched.
+    pub searched: Searched,
+}
+
+/// With what poses, sizes and places are searched: the three kinds of model, in memory and on disk.
+#[derive(Clone, Debug)]
+pub enum Searched {
+    /// On the grid of the model itself, which is small enough for tables of W'.
+    Here {
+        /// Densities of turned objects seen from above.
+        views: Arc<ViewDensities>,
+        /// Densities of what cameras see, if they were learned.
+        cameras: Option<Arc<CameraDensities>>,
+    },
+    /// On smaller grids; W' of the large one is read in place.
+    OnLevels {
+        /// Where W' is not zero.
+        footprint: Footprint,
+        /// Models of the same shapes on the smaller grids, from the smallest on, which are searched themselves.
+        levels: Vec<Model>,
+    },
+    /// Not at all: pose, size and place must be known.
+    KnownPoseOnly {
+        /// Where W' is not zero, if the grid is so large that it is read in place.
+        footprint: Option<Footprint>,
+    },
 }
 
 /// Sides of the smaller grids in which poses are searched, if a grid is larger than the last of them.
@@ -97,9 +118,37 @@ impl Model {
         self.metadata.dims
     }
 
-    /// Densities of turned objects of a model that is searched itself.
-    pub(crate) fn searched_views(&self) -> &ViewDensities {
-        self.view_densities.as_ref().expect("poses of a model with levels are searched in these")
+    /// Models of the same shapes on smaller grids, in which poses are searched; none where the model's own grid is searched, or none is.
+    pub fn levels(&self) -> &[Model] {
+        match &self.searched {
+            Searched::OnLevels { levels, .. } => levels,
+            Searched::Here { .. } | Searched::KnownPoseOnly { .. } => &[],
+        }
+    }
+
+    /// Where W' is not zero, if it is read in place.
+    pub fn footprint(&self) -> Option<&Footprint> {
+        match &self.searched {
+            Searched::Here { .. } => None,
+            Searched::OnLevels { footprint, .. } => Some(footprint),
+            Searched::KnownPoseOnly { footprint } => footprint.as_ref(),
+        }
+    }
+
+    /// Densities of turned objects seen from above, of a model whose own grid is searched.
+    pub fn view_densities(&self) -> Option<&ViewDensities> {
+        match &self.searched {
+            Searched::Here { views, .. } => Some(views),
+            Searched::OnLevels { .. } | Searched::KnownPoseOnly { .. } => None,
+        }
+    }
+
+    /// Densities of what cameras see, of a model whose own grid is searched and that was learned with them.
+    pub fn camera_densities(&self) -> Option<&CameraDensities> {
+        match &self.searched {
+            Searched::Here { cameras, .. } => cameras.as_deref(),
+            Searched::OnLevels { .. } | Searched::KnownPoseOnly { .. } => None,
+        }
     }
 
     /// Number of columns of W', a.

@@ -27,6 +27,11 @@ impl ViewDensities {
         size * (size + 1) / 2
     }
 
+    /// Number of classes, m.
+    pub fn classes(&self) -> usize {
+        self.means.len() / (DIRECTIONS * self.size).max(1)
+    }
+
     /// The mean of a class at a direction, of `classes`.
     pub fn mean(&self, direction: usize, class: usize, classes: usize) -> &[f16] {
         block(&self.means, direction * classes + class, self.size)

@@ -1,69 +1,53 @@
 //! One observation in, one percept out. Knows nothing of processes and channels.
 //!
-//! | file | what | source |
+//! `perceiver` is the road that an observation takes through the stages; every stage is a type that hands a value to the next:
+//!
+//! | stage | folder or file | content |
 //! | --- | --- | --- |
-//! | `known` | an observation taken apart: hull, unknown runs, filled voxels | V_q, w_q of eq. 13 |
-//! | `projection` | linear projection onto W' by runs of voxels | eq. 5 |
-//! | `density` | Gaussian and Student-t class densities | eqs. 9, 10 |
-//! | `tiles` | Gram matrices of stacks of voxels, summed once | eq. 16 |
-//! | `shared_rows` | W' read where it lies, for grids too large for tables | eqs. 5, 16, 17 |
-//! | `reading` | W' with tables or in place | |
-//! | `subspace` | a class conditioned on the known voxels: evidence, posterior mean and variance | eqs. 1, 6, 15–17 |
-//! | `paper` | lasso and ridge projection onto W' | eqs. 13–18 |
-//! | `blend` | from scores to a posterior | eq. 9 |
-//! | `completion` | probability and deviation per voxel | eq. 6 |
-//! | `pose` | rotations: priors, search, posterior | eqs. 11, 12, 19–21 |
-//! | `camera` | what a camera sees: densities and the search for size and place | |
-//! | `perceiver` | a model prepared for queries; what is asked is handed on to: | |
-//! | `scoring` | class scores in the pose in which an observation stands | |
-//! | `posing` | class and pose jointly | |
-//! | `pyramid` | pose on smaller grids first, refined on the larger ones | |
-//! | `viewing` | class, yaw, size and place of what a camera sees | |
-//! | `paper_pose` | pose by the paper's estimators | eqs. 11, 12, 19–21 |
-//! | `completing` | the completion, in the frame that was asked for | |
-//! | `timings` | when each stage of a query was done | |
+//! | read | `evidence::known` | an observation taken apart: hull, unknown runs, filled voxels |
+//! | score | `known_pose` | class scores in the pose in which an observation came |
+//! | | `pose` | class and rotation jointly: about z, over SO(3), on smaller grids first |
+//! | | `camera` | class, yaw, size and place of what a camera sees |
+//! | | `paper` | the paper's estimators |
+//! | decide | `scored` | the most probable class, hypotheses, how the object lies |
+//! | complete | `completion` | probability and deviation of every voxel |
+//!
+//! They build on `densities` (Gaussians, blends of scores, sums in log space), `evidence` (a class conditioned on the known voxels), `basis` (W' by
+//! tables or in place) and `kernels` (arithmetic). `prepared` is a model with what is derived from it.
 
-pub mod blend;
+mod basis;
 pub(crate) mod camera;
-mod completing;
 pub mod completion;
-mod density;
-mod known;
-pub mod lanes;
-mod large_pages;
+pub(crate) mod densities;
+mod error;
+pub(crate) mod evidence;
+pub mod kernels;
+mod known_pose;
 mod method;
+mod needs;
 mod paper;
-mod paper_pose;
 mod perceiver;
 mod percept;
+pub(crate) mod pool;
 pub mod pose;
-mod posing;
-mod prediction;
-mod projection;
-mod pyramid;
-mod reading;
-mod row_gram;
-mod rows;
-mod scoring;
-mod shared_rows;
-mod subspace;
-mod tiles;
+mod prepared;
+mod scored;
 mod timings;
-mod viewing;
-mod whitening;
 
-pub use completing::{LEAST_SHARE, MOST_PARTS};
-pub use density::Density;
-pub use known::Known;
+pub use basis::projection::ColumnSums;
+pub use basis::reading::Reading;
+pub use basis::shared_rows::{SharedRows, SharedSums};
+pub use completion::{LEAST_SHARE, MOST_PARTS};
+pub use densities::gaussian::Gaussian;
+pub use error::PerceiveError;
+pub use evidence::known::Known;
+pub use evidence::subspace::{ClassSubspace, Conditional};
+pub use kernels::lanes;
 pub use method::Method;
-pub use paper::Projection;
-pub use paper_pose::PaperPose;
-pub use perceiver::{PerceiveError, Perceiver, Workspace};
+pub use needs::{derived_bytes, workspace_bytes};
+pub use paper::pose::PaperPose;
+pub use paper::projection::Projection;
+pub use perceiver::{Classified, Perceiver, Workspace};
 pub use percept::{Frame, Lay, Percept, Query, ScaleSearch};
 pub use pose::{Hypothesis, PoseSearch, RotationPrior};
-pub use projection::ColumnSums;
-pub use reading::Reading;
-pub use shared_rows::{SharedRows, SharedSums};
-pub use subspace::{ClassSubspace, Conditional};
 pub use timings::Timings;
-pub(crate) use viewing::PlacedEvidence;

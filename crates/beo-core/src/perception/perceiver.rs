@@ -1,206 +1,77 @@
-//! One query in, one percept out.
+//! The road of one observation: read, score classes and poses, refine, decide, complete (figure 1 of the paper).
+//!
+//! Each stage is a type with scratch memory of its own, which hands a value to the next; this file is the only one that knows them all.
 
-use super::blend::{Scores, softmax};
-use super::camera::{CameraScores, ViewWork};
-use super::completing::Moved;
-use super::known::Known;
-use super::pose::circle::Looked;
-use super::pose::posterior::{Merging, Sample};
-use super::pose::view_scores::ViewScores;
-use super::pose::yaw::{CommonDensity, HullColumns};
-use super::subspace::{ClassSubspace, Conditional};
-use super::timings::{Stopwatch, Timings};
-use super::whitening::Whitening;
-use super::{ColumnSums, Density, Percept, PoseSearch, Query, Reading, SharedSums};
-use crate::grid::{Counts, Dims, Observation, Placed, Rotation, Shrinking, Turn};
-use crate::linear::LinearError;
-use crate::memory::{self, Available};
-use crate::model::{Damaged, Model, ModelError, Outline, load, outline};
-use rayon::prelude::*;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use super::camera::camera_search::{CameraScratch, CameraSearch, is_viewed};
+use super::completion::completing::{Completion, CompletionScratch, Value};
+use super::densities::log_sum::softmax;
+use super::evidence::placed::{EvidenceModel, EvidenceScratch, ObjectFrame};
+use super::known_pose::{ClassPosteriors, KnownPose, KnownPoseScratch, ProjectionScratch};
+use super::needs::{derived_bytes, is_read_in_place, require, workspace_bytes};
+use super::paper::pose::PaperSearch;
+use super::pool::Pool;
+use super::pose::full::{FullScratch, FullSearch};
+use super::pose::levels::{LevelScratch, LevelSearch};
+use super::pose::posterior::Modes;
+use super::pose::yaw_search::{YawScratch, YawSearch};
+use super::prepared::{Prepared, Search};
+use super::scored::{Scored, decide};
+use super::timings::Clock;
+use super::{Method, PerceiveError, Percept, PoseSearch, Query};
+use crate::grid::{Observation, Placed};
+use crate::memory;
+use crate::model::{Model, load, outline};
+use std::path::Path;
+use std::sync::Arc;
 
 /// A model prepared for queries. Shared between threads; each brings its own [`Workspace`].
 pub struct Perceiver {
-    pub(super) model: Arc<Model>,
-    pub(super) reading: Reading,
-    /// Hull densities, `[view][class]`.
-    pub(super) hulls: Vec<Vec<Density>>,
-    /// Hull densities with one covariance for all classes, by view: for the search over yaw.
-    pub(super) common: Vec<CommonDensity>,
-    pub(super) subspaces: Vec<ClassSubspace>,
-    /// Densities of turned objects seen from above, for the search over SO(3).
-    pub(super) views: Option<ViewScores>,
-    /// Densities of what cameras see, if the model has them.
-    pub(super) cameras: Option<CameraScores>,
-    /// Densities of complete objects (the paper's), made on first use.
-    pub(super) complete: OnceLock<Vec<Density>>,
-    /// Gram matrix of W' (the paper's method), made on first use.
-    pub(super) gram: OnceLock<faer::Mat<f64>>,
-    pub(super) noise: f64,
-    /// The same shapes on smaller grids, in which poses are searched; from the smallest on.
-    pub(super) levels: Vec<Level>,
+    pub(super) prepared: Prepared,
+    pub(super) search: Search,
 }
 
-/// A smaller grid.
-pub(super) struct Level {
-    pub shrinking: Shrinking,
-    pub perceiver: Perceiver,
-}
-
-/// An observation or a model cannot be used for a query.
-#[derive(Debug, thiserror::Error)]
-pub enum PerceiveError {
-    /// The grid has another size than the model's.
-    #[error(
-        "the observation is a grid of {found}, the model was trained for {expected}: send grids of that size, or train with --resolution"
-    )]
-    Dims {
-        /// Size of the observation.
-        found: Dims,
-        /// Size that the model answers.
-        expected: Dims,
-    },
-    /// Pose, size or place are asked for, and the model was learned without what they are searched with.
-    #[error("the model was learned for known poses alone: ask with pose, size and place known, or train with poses")]
-    KnownPoseOnly,
-    /// A matrix of the model cannot be factorised.
-    #[error("the model cannot be used: {0}")]
-    Model(#[from] LinearError),
-    /// The model file cannot be used.
-    #[error(transparent)]
-    File(#[from] ModelError),
-    /// A part of the model file that was read for the first time is damaged.
-    #[error(transparent)]
-    Damaged(#[from] Damaged),
-    /// There is too little memory for the model.
-    #[error(
-        "{}: the model needs about {} MB of memory, {limit} has {} MB left: end other processes, or train with a lower --resolution or --most",
-        path.display(), needed.div_ceil(MB), available / MB
-    )]
-    Memory {
-        /// The file.
-        path: PathBuf,
-        /// Bytes that loading and preparing it take.
-        needed: u64,
-        /// Bytes that may be taken.
-        available: u64,
-        /// Who allows no more.
-        limit: &'static str,
-    },
-    /// More memory is needed than was allowed.
-    #[error("{}: the model needs about {} MB of memory, {} MB are allowed: allow more, or train with a lower --resolution", path.display(), needed.div_ceil(MB), most / MB)]
-    Bound {
-        /// The file.
-        path: PathBuf,
-        /// Bytes that loading and preparing it take.
-        needed: u64,
-        /// Bytes that were allowed.
-        most: u64,
-    },
-}
-
-const MB: u64 = 1_000_000;
-
-fn require(path: &Path, needed: u64, available: Option<Available>) -> Result<(), PerceiveError> {
-    match available {
-        Some(Available { bytes, limit }) if bytes < needed => {
-            Err(PerceiveError::Memory { path: path.to_owned(), needed, available: bytes, limit })
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Scratch memory of one thread.
+/// Scratch memory of one thread: of each stage of the road.
 pub struct Workspace {
-    /// The observation as it came.
-    pub(super) seen: Observation,
-    /// The observation as the estimators read it: in the object frame once the pose is chosen.
-    pub(super) known: Known,
-    pub(super) projected: Vec<f32>,
-    pub(super) centred: Vec<f32>,
-    pub(super) scores: Scores,
-    /// Classes whose evidence is computed.
-    pub(super) wanted: Vec<bool>,
-    pub(super) conditionals: Vec<Conditional>,
-    /// Classes that take part in the completion, and their shares.
-    pub(super) shares: Vec<(usize, f64)>,
-    pub(super) columns: HullColumns,
-    /// What a camera sees.
-    pub(super) view: ViewWork,
-    /// What a search about z looked at, the angles that it was told of, and those at which classes are scored.
-    pub(super) looked: Looked,
-    pub(super) hints: Vec<f64>,
-    pub(super) finals: Vec<f64>,
-    pub(super) samples: Vec<Sample>,
-    pub(super) merging: Merging,
-    /// The turn between the grid's frame and the object's, the observation turned by it, and completions that are being turned.
-    pub(super) turn: Turn,
-    pub(super) turned: Observation,
-    pub(super) moved: Moved,
-    /// Of each smaller grid: scratch memory, the observation on it, and counts for that.
-    pub(super) levels: Vec<LevelWork>,
-    /// Sums over a turned observation.
-    pub(super) sums: SharedSums,
-    /// Runs since the query began.
-    pub(super) stopwatch: Stopwatch,
+    clock: Clock,
+    /// Read: the observation as it came, and taken apart in the frame that is looked at; in the object's once that is decided.
+    seen: Observation,
+    frame: ObjectFrame,
+    /// Score: which classes take part, the scores, and memory of each kind of search.
+    wanted: Vec<bool>,
+    scored: Scored,
+    projection: ProjectionScratch,
+    posteriors: ClassPosteriors,
+    known_pose: KnownPoseScratch,
+    yaw: YawScratch,
+    full: FullScratch,
+    camera: CameraScratch,
+    paper: Pool<ObjectFrame>,
+    levels: Vec<LevelScratch>,
+    /// Of a model with smaller grids: evidence on its own.
+    fine: Option<EvidenceScratch>,
+    /// Decide.
+    modes: Modes,
+    /// Complete.
+    completion: CompletionScratch,
 }
 
-/// Scratch memory of a smaller grid.
-pub(super) struct LevelWork {
-    pub work: Workspace,
-    pub seen: Observation,
-    pub counts: Counts,
+/// An observation that was classified: what its completion needs. The percept says class and pose already.
+pub struct Classified<'a> {
+    perceiver: &'a Perceiver,
+    query: &'a Query,
+    work: &'a mut Workspace,
+    percept: &'a mut Percept,
 }
 
 impl Perceiver {
     /// Derives what queries need: prefix sums of W', Cholesky factors, class bases over voxels. A model with smaller grids is read where
     /// it lies instead, and they are searched.
+    ///
+    /// # Errors
+    /// [`PerceiveError::Model`] if a covariance of the model cannot be factorised.
     pub fn new(model: Arc<Model>) -> Result<Self, PerceiveError> {
-        let dims = model.dims();
-        let hulls = (0..model.views().len())
-            .map(|v| model.classes.par_iter().map(|c| Density::new(&c.hulls[v].mean, &c.hulls[v].covariance)).collect())
-            .collect::<Result<_, _>>()?;
-        let common = (0..model.views().len()).map(|v| common_density(&model, v)).collect::<Result<_, _>>()?;
-        let reading = Reading::new(dims, &model.basis, model.footprint.as_ref());
-        let subspaces = model.classes.iter().map(|class| reading.class(class)).collect();
-        let level =
-            |level: &Model| Ok(Level { shrinking: Shrinking::new(dims, level.dims()), perceiver: Self::new(Arc::new(level.clone()))? });
-        Ok(Self {
-            reading,
-            hulls,
-            common,
-            subspaces,
-            views: model.view_densities.as_ref().map(|_| ViewScores::new(&model)),
-            cameras: model.camera_densities.as_ref().map(CameraScores::new),
-            complete: OnceLock::new(),
-            gram: OnceLock::new(),
-            noise: model.metadata.noise_variance * model.metadata.calibration.noise_inflation,
-            levels: model.levels.iter().map(level).collect::<Result<_, PerceiveError>>()?,
-            model,
-        })
-    }
-
-    /// Bytes that [`Self::new`] derives from a model: prefix sums of W', class bases over voxels with their Gram matrices, factors
-    /// of the hull densities; of one with smaller grids, those of the grids.
-    pub fn derived_bytes(outline: &Outline) -> usize {
-        let Outline { metadata, rank, levels, .. } = outline;
-        let (dims, views, m) = (metadata.dims, metadata.settings.views.len(), metadata.classes.len());
-        let densities = views * (m + 1) * Whitening::bytes(*rank);
-        if !levels.is_empty() {
-            return densities + levels.iter().map(Self::derived_bytes).sum::<usize>();
-        }
-        let classes: usize = metadata.classes.iter().map(|c| ClassSubspace::bytes(dims, c.basis_size)).sum();
-        // At most as many features as the training learns.
-        let cameras = if metadata.settings.camera_elevations_deg.is_empty() { 0 } else { CameraScores::bytes(64) };
-        classes + ColumnSums::bytes(dims, *rank) + densities + cameras
-    }
-
-    /// Bytes that one [`Workspace`] and its answers take at most: observations, the voxels of them, and completions.
-    pub fn workspace_bytes(outline: &Outline) -> usize {
-        let voxels = outline.metadata.dims.voxels();
-        // Of a voxel: where it comes from in a turned grid (4 bytes), a completion that is being turned (2), and bits of observations.
-        voxels * 7 + outline.levels.iter().map(Self::workspace_bytes).sum::<usize>()
+        let (prepared, search) = Prepared::new(model)?;
+        Ok(Self { prepared, search })
     }
 
     /// Loads a model file and prepares it for queries, after asking whether there is memory for both: without it, the system would
@@ -218,9 +89,9 @@ impl Perceiver {
     /// [`PerceiveError::File`], [`PerceiveError::Memory`], [`PerceiveError::Bound`], and as [`Self::new`].
     pub fn open_within(path: &Path, most: Option<u64>) -> Result<Self, PerceiveError> {
         let outline = outline(path)?;
-        let derived = (Self::derived_bytes(&outline) + Self::workspace_bytes(&outline)) as u64;
+        let derived = (derived_bytes(&outline) + workspace_bytes(&outline)) as u64;
         // Pages of a file that is read in place can be given back at any time.
-        let in_place = if outline.levels.is_empty() { 0 } else { outline.basis_bytes };
+        let in_place = if is_read_in_place(&outline) { outline.basis_bytes } else { 0 };
         let needed = outline.bytes().saturating_sub(in_place).saturating_add(derived);
         require(path, needed, memory::available())?;
         if let Some(most) = most
@@ -237,162 +108,176 @@ impl Perceiver {
 
     /// The model.
     pub fn model(&self) -> &Arc<Model> {
-        &self.model
+        &self.prepared.model
     }
 
     /// The mean of a class at one voxel, as learned: not clamped to \[0, 1\].
     pub fn class_mean(&self, class: usize, voxel: usize) -> f32 {
-        self.subspaces[class].mean(voxel)
+        self.prepared.evidence.subspaces[class].mean(voxel)
     }
 
-    /// Prefix sums of a model that is searched itself.
-    pub(super) fn column_sums(&self) -> &ColumnSums {
-        match &self.reading {
-            Reading::Derived { sums, .. } => sums,
-            Reading::InPlace(_) => unreachable!("poses of a model that is read in place are searched on smaller grids"),
-        }
-    }
-
-    /// Densities of turned objects of a model that is searched itself.
-    pub(super) fn view_scores(&self) -> &ViewScores {
-        self.views.as_ref().expect("poses of a model with smaller grids are searched on these")
+    /// The classes as Gaussians over voxels.
+    pub(crate) fn evidence(&self) -> &EvidenceModel {
+        &self.prepared.evidence
     }
 
     /// Scratch memory for queries.
     pub fn workspace(&self) -> Workspace {
-        let (dims, m) = (self.model.dims(), self.model.classes.len());
+        let (dims, levels) = (self.model().dims(), self.search.levels());
         Workspace {
+            clock: Clock::start(),
             seen: Observation::unknown(dims),
-            known: Known::new(dims),
-            projected: vec![0.0; self.model.rank()],
-            centred: vec![0.0; self.model.rank()],
-            scores: Scores::default(),
-            wanted: vec![false; m],
-            conditionals: self.subspaces.iter().map(|s| Conditional::new(s.size())).collect(),
-            shares: Vec::with_capacity(m),
-            columns: HullColumns::default(),
-            view: ViewWork::default(),
-            looked: Looked::default(),
-            hints: Vec::new(),
-            finals: Vec::new(),
-            samples: Vec::new(),
-            merging: Merging::default(),
-            turn: Turn::unset(dims),
-            turned: Observation::unknown(dims),
-            moved: Moved::default(),
-            levels: self.levels.iter().map(Level::workspace).collect(),
-            sums: SharedSums::default(),
-            stopwatch: Stopwatch::start(),
+            frame: ObjectFrame::new(dims),
+            wanted: vec![false; self.prepared.classes()],
+            scored: Scored::default(),
+            projection: ProjectionScratch::new(self.model().rank()),
+            posteriors: ClassPosteriors::new(&self.prepared.evidence),
+            known_pose: KnownPoseScratch::default(),
+            yaw: YawScratch::default(),
+            full: FullScratch::default(),
+            camera: CameraScratch::default(),
+            paper: Pool::default(),
+            levels: levels.iter().map(LevelScratch::new).collect(),
+            fine: (!levels.is_empty()).then(|| EvidenceScratch::new(dims)),
+            modes: Modes::default(),
+            completion: CompletionScratch::default(),
         }
     }
 
-    /// Classifies an observation into `percept`, and finds its pose if that is asked for. Completion follows by
-    /// [`Self::complete`].
+    /// Classifies an observation into `percept`, and finds its pose if that is asked for; completion follows by what is returned.
     ///
-    /// An observation without a filled voxel says nothing: the answer is the prior.
-    pub fn classify(
-        &self,
+    /// An observation without a filled voxel says nothing: the answer is the prior, and [`Percept::informed`] is false.
+    ///
+    /// # Errors
+    /// [`PerceiveError::Dims`] for a grid of another size, [`PerceiveError::KnownPoseOnly`] if the model cannot be searched, and
+    /// [`PerceiveError::Damaged`] or [`PerceiveError::Model`] if it turns out to be unusable.
+    pub fn classify<'a>(
+        &'a self,
         observation: &Observation,
-        query: &Query,
-        work: &mut Workspace,
-        percept: &mut Percept,
-    ) -> Result<(), PerceiveError> {
-        work.stopwatch = Stopwatch::start();
-        percept.timings = Timings::default();
-        let dims = self.model.dims();
+        query: &'a Query,
+        work: &'a mut Workspace,
+        percept: &'a mut Percept,
+    ) -> Result<Classified<'a>, PerceiveError> {
+        let dims = self.model().dims();
         if observation.dims() != dims {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
         }
-        if self.views.is_none() && self.levels.is_empty() && (query.pose != PoseSearch::Known || self.is_viewed(query)) {
-            return Err(PerceiveError::KnownPoseOnly);
+        self.search.check(query)?;
+        work.start(observation, query);
+        if let (Search::OnLevels(levels), Some(fine)) = (&self.search, &mut work.fine)
+            && (query.pose != PoseSearch::Known || is_viewed(query, self.search.has_cameras()))
+        {
+            let search = LevelSearch { prepared: &self.prepared, levels, query };
+            search.answer(&work.seen, &mut work.levels, fine, &mut work.clock, percept)?;
+            work.frame.take_moved(&self.prepared.evidence.rows, &work.seen, &percept.placed, query.outside)?;
+        } else {
+            work.frame.take_as_it_came(&self.prepared.evidence.rows, &work.seen)?;
+            self.score(query, work)?;
+            decide(query, &work.scored, &mut work.modes, percept);
+            if query.pose != PoseSearch::Known || percept.placed != Placed::default() {
+                work.frame.take_moved(&self.prepared.evidence.rows, &work.seen, &percept.placed, query.outside)?;
+                work.posteriors.forget();
+            }
         }
-        work.read(observation);
-        if self.searches_levels(query) {
-            return self.search_levels(query, work, percept);
+        if query.method == Method::Paper {
+            self.prepared.paper.project(work.frame.known(), query.projection, &mut work.projection.projected)?;
         }
-        self.reading.take_apart(&work.seen, &mut work.known)?;
-        let m = self.model.classes.len();
-        percept.informed = !work.known.filled.is_empty();
-        percept.rotation = Rotation::identity();
-        (percept.placed, percept.lay, percept.resting_pose) = (Placed::default(), None, None);
-        for scores in [&mut percept.scores, &mut percept.posterior, &mut percept.log_evidence] {
-            scores.clear();
-        }
-        percept.log_evidence.resize(m, 0.0);
-        if percept.informed && self.is_viewed(query) {
-            self.view(query, work, percept)?;
-            if percept.informed {
+        work.clock.posed();
+        percept.timings = work.clock.timings;
+        Ok(Classified { perceiver: self, query, work, percept })
+    }
+
+    /// Scores classes and poses of what was read, and refines them.
+    fn score(&self, query: &Query, work: &mut Workspace) -> Result<(), PerceiveError> {
+        let Workspace { clock, seen, frame, wanted, scored: out, projection, posteriors, .. } = work;
+        let prepared = &self.prepared;
+        out.start(prepared.classes(), !frame.known().filled.is_empty());
+        if let (Search::Here(here), true) = (&self.search, out.informed)
+            && is_viewed(query, here.cameras.is_some())
+        {
+            let search = CameraSearch { prepared, cameras: here.cameras.as_ref(), query, wanted };
+            search.score(seen, &mut work.camera, clock, out)?;
+            if out.informed {
                 return Ok(());
             }
         }
-        if !percept.informed {
-            percept.scores.resize(m, 0.0);
-            percept.posterior.extend((0..m).map(|s| query.log_prior(s)));
-            softmax(&mut percept.posterior);
-        } else if query.pose == PoseSearch::Known {
-            self.classify_here(query, work, percept)?;
-            percept.timings.classified = work.stopwatch.elapsed();
+        if !out.informed {
+            out.scores.resize(prepared.classes(), 0.0);
+            out.posterior.extend((0..prepared.classes()).map(|s| query.log_prior(s)));
+            softmax(&mut out.posterior);
         }
-        if !percept.informed {
-            let elapsed = work.stopwatch.elapsed();
-            (percept.timings.projected, percept.timings.classified) = (elapsed, elapsed);
-        }
-        match query.pose {
-            PoseSearch::Known => {
-                percept.class = most_probable(&percept.posterior);
-                percept.rotation = Rotation::identity();
-                percept.spread = 0.0;
-                let probability = percept.posterior[percept.class];
-                percept.hypotheses.clear();
-                percept.hypotheses.push(super::Hypothesis { rotation: percept.rotation, class: percept.class, probability });
-                percept.timings.posed = work.stopwatch.elapsed();
-                Ok(())
+        let view = prepared.view_of(query, seen);
+        match (query.pose, &self.search) {
+            (PoseSearch::Known, _) if out.informed => {
+                let stage = KnownPose { prepared, query, view };
+                stage.score(frame.known(), &mut work.known_pose, projection, posteriors, clock, out)?;
             }
-            _ => self.find_pose(query, work, percept),
-        }
-    }
-}
-
-impl Level {
-    fn workspace(&self) -> LevelWork {
-        LevelWork { work: self.perceiver.workspace(), seen: Observation::unknown(self.shrinking.dims()), counts: Counts::default() }
-    }
-}
-
-/// The densities of one view with the covariance that all classes have in common, recovered from those of the classes: each
-/// was pulled towards it with the same strength.
-fn common_density(model: &Model, view: usize) -> Result<CommonDensity, LinearError> {
-    let a = model.rank();
-    let calibration = &model.metadata.calibration;
-    let weights: Vec<f64> = model.metadata.classes.iter().map(|c| c.shapes as f64 + calibration.prior_strength).collect();
-    let total: f64 = weights.iter().sum();
-    let mut common = faer::Mat::<f64>::zeros(a, a);
-    for (class, weight) in model.classes.iter().zip(&weights) {
-        for j in 0..a {
-            for i in j..a {
-                common[(i, j)] += weight / total * f64::from(class.hulls[view].covariance[i * a + j]);
+            (PoseSearch::Yaw { .. } | PoseSearch::Full, Search::Here(_)) if query.method == Method::Paper && out.informed => {
+                PaperSearch { prepared, query, wanted, pool: &work.paper }.score(seen, clock, out)?;
             }
+            (PoseSearch::Yaw { span }, Search::Here(here)) => {
+                let search = YawSearch { prepared, here, query, wanted, view, span };
+                search.score(seen, frame, &mut work.yaw, projection, posteriors, clock, out)?;
+            }
+            (PoseSearch::Full, Search::Here(here)) => {
+                FullSearch { prepared, here, query, wanted, view }.score(seen, frame.known(), &work.full, clock, out)?;
+            }
+            (_, _) => {}
         }
+        clock.classified();
+        Ok(())
     }
-    let means: Vec<&[f32]> = model.classes.iter().map(|c| &c.hulls[view].mean[..]).collect();
-    CommonDensity::new(&means, &common, calibration.degrees_of_freedom)
 }
 
 impl Workspace {
-    /// Takes in the observation, and forgets the scores of the one before.
-    fn read(&mut self, observation: &Observation) {
+    /// Takes in an observation, and forgets what was known of the one before.
+    fn start(&mut self, observation: &Observation, query: &Query) {
+        self.clock = Clock::start();
         self.seen.clone_from(observation);
-        self.forget();
-    }
-
-    /// Forgets the scores.
-    pub(super) fn forget(&mut self) {
-        for scores in [&mut self.scores.hull, &mut self.scores.evidence, &mut self.scores.distance] {
-            scores.clear();
-        }
+        self.posteriors.forget();
+        self.wanted.iter_mut().enumerate().for_each(|(class, wanted)| *wanted = query.log_prior(class) > f64::NEG_INFINITY);
     }
 }
 
-pub(super) fn most_probable(posterior: &[f64]) -> usize {
-    (0..posterior.len()).max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]).then(b.cmp(a))).unwrap_or(0)
+impl Classified<'_> {
+    /// Class and pose, as they were decided.
+    pub fn percept(&self) -> &Percept {
+        self.percept
+    }
+
+    /// Completes the observation into the percept.
+    ///
+    /// # Errors
+    /// [`PerceiveError::Model`] or [`PerceiveError::Damaged`] if the model turns out to be unusable.
+    pub fn complete(self) -> Result<(), PerceiveError> {
+        let (mut occupancy, mut deviation) = (std::mem::take(&mut self.percept.occupancy), std::mem::take(&mut self.percept.deviation));
+        for values in [&mut occupancy, &mut deviation] {
+            values.resize(self.work.seen.dims().voxels(), 0.0);
+        }
+        let Self { perceiver, query, work, percept } = self;
+        let outcome = Classified { perceiver, query, work, percept: &mut *percept }.complete_into(&mut occupancy, &mut deviation);
+        (percept.occupancy, percept.deviation) = (occupancy, deviation);
+        outcome
+    }
+
+    /// The same into the caller's memory: one value per voxel each, as numbers or as bytes (× 255); all are written.
+    ///
+    /// # Errors
+    /// As [`Self::complete`].
+    ///
+    /// # Panics
+    /// If there is not one value per voxel.
+    pub fn complete_into<V: Value>(self, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
+        let Workspace { seen, frame, projection, posteriors, completion, .. } = self.work;
+        let completion = Completion {
+            prepared: &self.perceiver.prepared,
+            query: self.query,
+            seen,
+            frame,
+            posteriors,
+            projected: &projection.projected,
+            scratch: completion,
+        };
+        completion.write(self.percept, occupancy, deviation)
+    }
 }

@@ -1,7 +1,7 @@
 //! What is asked, and what is answered.
 
-use super::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
 use crate::grid::{Outside, Placed, Rotation, View};
+use crate::perception::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
 use nalgebra::Vector3;
 
 /// In which frame a completion is wanted.
@@ -99,8 +99,6 @@ pub struct Percept {
     pub placed: Placed,
     /// The object's box; `None` where it was not estimated.
     pub lay: Option<Lay>,
-    /// Which of the model's components of what cameras see was answered, by its number, if resting poses were searched.
-    pub resting_pose: Option<usize>,
     /// Modes of the posterior over class and pose, most probable first.
     pub hypotheses: Vec<Hypothesis>,
     /// Expected angle to the first hypothesis, radians: 0 in known pose.
@@ -109,8 +107,14 @@ pub struct Percept {
     pub occupancy: Vec<f32>,
     /// Standard deviation of that probability, d values: 0 for observed voxels.
     pub deviation: Vec<f32>,
-    /// Whether the observation said something: with no filled voxel the answer is the prior.
+    /// Whether the observation said something. Where it is false nothing was seen: the posterior is the prior, and `class` means nothing.
     pub informed: bool,
+    /// Probability that the object is of none of the model's classes; `None` where the model cannot tell.
+    pub none_probability: Option<f64>,
+    /// How well the object of the answered class explains what was seen, from 0 to 1; `None` where it was not computed.
+    pub fit: Option<f64>,
+    /// Which of the class's resting poses the object lies in; `None` where the search did not go over these.
+    pub resting_pose: Option<usize>,
     /// When each stage was done.
     pub timings: Timings,
 }

@@ -15,16 +15,45 @@ pub struct Timings {
 
 /// The clock of one query: CLOCK_MONOTONIC on Linux.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stopwatch(Instant);
+pub(crate) struct Clock {
+    started: Instant,
+    /// What was done so far.
+    pub timings: Timings,
+}
 
-impl Stopwatch {
+impl Clock {
     /// Starts now.
     pub fn start() -> Self {
-        Self(Instant::now())
+        Self { started: Instant::now(), timings: Timings::default() }
     }
 
     /// Time since the start.
-    pub fn elapsed(self) -> Duration {
-        self.0.elapsed()
+    pub fn elapsed(&self) -> Duration {
+        self.started.elapsed()
+    }
+
+    /// The known voxels are projected.
+    pub fn projected(&mut self) {
+        self.timings.projected = self.elapsed();
+    }
+
+    /// The same, if nothing was projected before.
+    pub fn projected_unless_before(&mut self) {
+        if self.timings.projected.is_zero() {
+            self.projected();
+        }
+    }
+
+    /// The posterior over the classes stands.
+    pub fn classified(&mut self) {
+        self.timings.classified = self.elapsed();
+        if self.timings.projected.is_zero() {
+            self.timings.projected = self.timings.classified;
+        }
+    }
+
+    /// The pose stands.
+    pub fn posed(&mut self) {
+        self.timings.posed = self.elapsed();
     }
 }

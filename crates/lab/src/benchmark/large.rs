@@ -70,15 +70,16 @@ pub fn measure(
             let start = Instant::now();
             seen.read(grid).expect("written by an observation");
             let read = Instant::now();
-            perceiver.classify(&seen, &known, &mut work, &mut percept)?;
+            let answer = perceiver.classify(&seen, &known, &mut work, &mut percept)?;
             let classified = Instant::now();
-            perceiver.complete_into(&known, &mut work, &mut percept, &mut occupancy, &mut deviation)?;
+            answer.complete_into(&mut occupancy, &mut deviation)?;
             let completed = Instant::now();
             let mut took = vec![read - start, classified - read, completed - classified, completed - start];
             if n < poses {
                 for pose in [PoseSearch::YAW, PoseSearch::Full] {
                     let start = Instant::now();
-                    perceiver.classify(&seen, &Query { pose, ..Query::default() }, &mut work, &mut percept)?;
+                    let query = Query { pose, ..Query::default() };
+                    perceiver.classify(&seen, &query, &mut work, &mut percept)?;
                     took.push(start.elapsed());
                 }
             }

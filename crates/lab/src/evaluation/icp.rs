@@ -1,17 +1,10 @@
 //! The paper's baseline for pose (section IV-B): iterative closest points (Besl & McKay 1992) from the query to the mean of its
 //! class.
 //!
-//! The iteration is that of the crate [`modern_icp`]: closest points by a kd-tree, from every point of the query to the mean
-//! (the query is partial, so the mean's points need no partner), and the rigid motion of least squares. Translation is free, as
-//! usual; only the rotation is reported. With rotations about z only, each step is the best motion of that kind, in closed form,
-//! rather than a full one that is projected at the end.
-//!
-//! `modern_icp` (MIT) was chosen because it is released several times a year, uses the nalgebra that is here already, and lets
-//! its steps be replaced, which the vertical axis needs. Its kd-tree and steps are used in single precision, the only one it
-//! offers. The others looked at: `threecrate-algorithms` (maintained, but its step is fixed and it brings ndarray, kiddo and
-//! rstar), `align3d` (nalgebra 0.30, needs LAPACK), `fast-gicp` (bindings to a C++ library), `simple-icp` (laser odometry on voxel
-//! maps, nalgebra 0.33), `nd-icp` (brings a
-//! renderer), `icp_2d` (planar).
+//! Each iteration finds, for every point of the query, the closest point of the mean by a k-d tree (the query is partial, so the mean's
+//! points need no partner), and moves the query by the rigid motion of least squares over these pairs. Translation is free, as usual; only
+//! the rotation is reported. With rotations about z only, each step is the best motion of that kind, in closed form, rather than a full
+//! one that is projected at the end.
 //!
 //! Between two voxel lattices closest points are as often behind as ahead, so a single alignment may stall some degrees away from
 //! the best one: several starts help near the truth too.
@@ -19,19 +12,18 @@
 use super::symmetry::{centre, surface};
 use beo_core::grid::{Dims, Observation, Occupancy};
 use fixedbitset::FixedBitSet;
-use modern_icp::correspondence::{CorrespondenceEstimator, NearestNeighbor};
-use modern_icp::transform_estimation::svd;
-use modern_icp::{MaskedPointCloud, PointCloud, PointCloudPoint, compute_centroid};
-use nalgebra::{IsometryMatrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use kdtree::KdTree;
+use kdtree::distance::squared_euclidean;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 /// Most iterations of one start.
 const ITERATIONS: usize = 100;
 /// A step that turns by less than this, in radians …
-const SMALL_STEP_RAD: f32 = 1e-4;
+const SMALL_STEP_RAD: f64 = 1e-4;
 /// … and moves by less than this, in voxels, is the last.
-const SMALL_STEP_VOXELS: f32 = 1e-3;
+const SMALL_STEP_VOXELS: f64 = 1e-3;
 
-/// A coordinate beyond this, in voxels, is taken for an error; its square is far from the limits of single precision.
+/// A coordinate beyond this, in voxels, is taken for an error.
 const FARTHEST: f64 = 1e6;
 
 /// Which rotations are allowed.
@@ -45,7 +37,9 @@ pub enum Freedom {
 
 /// The mean of a class as surface points, ready to align queries with.
 pub struct Icp {
-    target: PointCloud<f32, 3>,
+    points: Vec<Point3<f64>>,
+    /// Their indices by place.
+    target: KdTree<f64, usize, [f64; 3]>,
 }
 
 /// Outcome of an alignment.
@@ -61,8 +55,13 @@ pub struct IcpResult {
 impl Icp {
     /// Prepares the surface voxels of `mean`; see [`mean_object`].
     pub fn new(mean: &Occupancy) -> Self {
-        let points = surface(mean).map(|voxel| Point3::from(centre(mean.dims(), voxel).map(|v| v as f32)));
-        Self { target: points.map(PointCloudPoint::from_pos).collect() }
+        let points: Vec<Point3<f64>> = surface(mean).map(|voxel| Point3::from(centre(mean.dims(), voxel))).collect();
+        let mut target = KdTree::new(3);
+        for (index, point) in points.iter().enumerate() {
+            // Only points that are not finite are refused.
+            let _ = target.add((*point).into(), index);
+        }
+        Self { points, target }
     }
 
     /// Aligns a query with the mean, from each of `starts` (guesses of the object's rotation into the grid), and keeps the
@@ -73,39 +72,45 @@ impl Icp {
     pub fn align(&self, query: &[[f64; 3]], freedom: Freedom, starts: &[UnitQuaternion<f64>]) -> IcpResult {
         let mut best = IcpResult { rotation_object_to_grid: UnitQuaternion::identity(), rms: f64::INFINITY };
         let query: Vec<Point3<f64>> = query.iter().filter(|p| p.iter().all(|v| v.abs() < FARTHEST)).map(|p| Point3::from(*p)).collect();
-        // The kd-tree cannot answer without points.
-        if query.is_empty() || self.target.is_empty() {
+        if query.is_empty() || self.target.size() == 0 {
             return best;
         }
-        let mut icp = modern_icp::Icp::new()
-            .max_iterations(ITERATIONS)
-            .correspondence_estimator(NearestNeighbor::new(&self.target))
-            .estimate_step_transform(
-                move |query: &mut MaskedPointCloud<'_, f32, 3>, mean: &mut MaskedPointCloud<'_, f32, 3>, step: usize| {
-                    let motion = match freedom {
-                        Freedom::Yaw => Some(yaw_step(query, mean)),
-                        Freedom::Full => svd::estimate_isometry(query, mean, step),
-                    };
-                    // A step that stays ends the iteration, and its error still counts.
-                    Some(motion.filter(|motion| motion.to_matrix().iter().all(|v| v.is_finite())).unwrap_or_else(IsometryMatrix3::identity))
-                },
-            )
-            .is_converged(|squared: &[f32], _: &[f32], step: &IsometryMatrix3<f32>, error: &mut f32, _: usize| {
-                *error = squared.iter().sum::<f32>() / squared.len() as f32;
-                step.rotation.angle() < SMALL_STEP_RAD && step.translation.vector.norm() < SMALL_STEP_VOXELS
-            });
         for start in starts.iter().filter(|start| start.coords.iter().all(|v| v.is_finite())) {
-            let turned = query.iter().map(|point| (start.inverse() * point).cast::<f32>());
-            let cloud: PointCloud<f32, 3> = turned.map(PointCloudPoint::from_pos).collect();
-            let (motion, error) = icp.estimate_transform(cloud, &self.target);
-            let rms = f64::from(error).sqrt();
+            let (motion, mean_squared) = self.align_from(query.iter().map(|point| start.inverse() * point).collect(), freedom);
+            let rms = mean_squared.sqrt();
             if rms < best.rms {
-                let grid_to_object = UnitQuaternion::from_rotation_matrix(&motion.rotation).cast::<f64>();
-                let rotation = UnitQuaternion::new_normalize((start * grid_to_object.inverse()).into_inner());
+                let rotation = UnitQuaternion::new_normalize((start * motion.rotation.inverse()).into_inner());
                 best = IcpResult { rotation_object_to_grid: rotation, rms };
             }
         }
         best
+    }
+
+    /// The motion that brings `query` to the mean, and the mean squared distance between pairs at the last iteration.
+    fn align_from(&self, mut query: Vec<Point3<f64>>, freedom: Freedom) -> (Isometry3<f64>, f64) {
+        let (mut whole, mut mean_squared) = (Isometry3::identity(), f64::INFINITY);
+        let mut closest = Vec::with_capacity(query.len());
+        for _ in 0..ITERATIONS {
+            closest.clear();
+            closest.extend(query.iter().map(|point| self.closest(point)));
+            mean_squared = query.iter().zip(&closest).map(|(q, m)| (q - m).norm_squared()).sum::<f64>() / query.len() as f64;
+            let step = match freedom {
+                Freedom::Yaw => yaw_step(&query, &closest),
+                Freedom::Full => full_step(&query, &closest),
+            };
+            query.iter_mut().for_each(|point| *point = step * *point);
+            whole = step * whole;
+            if step.rotation.angle() < SMALL_STEP_RAD && step.translation.vector.norm() < SMALL_STEP_VOXELS {
+                break;
+            }
+        }
+        (whole, mean_squared)
+    }
+
+    /// The mean's point next to a finite one; the mean has some.
+    fn closest(&self, point: &Point3<f64>) -> Point3<f64> {
+        let mut nearest = self.target.iter_nearest(point.coords.as_ref(), &squared_euclidean).into_iter().flatten();
+        nearest.next().map_or(*point, |(_, index)| self.points[*index])
     }
 }
 
@@ -137,16 +142,31 @@ pub fn yaw_starts(count: usize, span_rad: f64) -> Vec<UnitQuaternion<f64>> {
 
 /// The rotation about z and the translation that bring each point of `query` closest, in least squares, to that of `mean` with
 /// the same index: the planar case of Umeyama (1991) without scale.
-fn yaw_step(query: &MaskedPointCloud<'_, f32, 3>, mean: &MaskedPointCloud<'_, f32, 3>) -> IsometryMatrix3<f32> {
-    let (from, to) = (compute_centroid(query.points_iter()), compute_centroid(mean.points_iter()));
-    let (mut sine, mut cosine) = (0.0, 0.0);
-    for (q, m) in query.points_iter().zip(mean.points_iter()) {
-        let (q, m) = (q.coords - from, m.coords - to);
-        sine += q.x * m.y - q.y * m.x;
-        cosine += q.x * m.x + q.y * m.y;
-    }
-    let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), sine.atan2(cosine));
-    IsometryMatrix3::from_parts(Translation3::from(to - rotation * from), rotation)
+fn yaw_step(query: &[Point3<f64>], mean: &[Point3<f64>]) -> Isometry3<f64> {
+    motion(query, mean, |covariance| {
+        let (sine, cosine) = (covariance.m12 - covariance.m21, covariance.m11 + covariance.m22);
+        Rotation3::from_axis_angle(&Vector3::z_axis(), sine.atan2(cosine))
+    })
+}
+
+/// The same with any rotation: Arun, Huang and Blostein (1987) with Umeyama's sign, so that it is never a reflection.
+fn full_step(query: &[Point3<f64>], mean: &[Point3<f64>]) -> Isometry3<f64> {
+    motion(query, mean, |covariance| {
+        let svd = covariance.svd(true, true);
+        let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Rotation3::identity() };
+        let sign = (v_t.transpose() * u.transpose()).determinant().signum();
+        Rotation3::from_matrix_unchecked(v_t.transpose() * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * u.transpose())
+    })
+}
+
+/// The rotation that the covariance Σ (q − q̄)(m − m̄)ᵀ gives, about the centroids; the identity where that is no motion.
+fn motion(query: &[Point3<f64>], mean: &[Point3<f64>], rotation: impl Fn(Matrix3<f64>) -> Rotation3<f64>) -> Isometry3<f64> {
+    let centroid = |points: &[Point3<f64>]| points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
+    let (from, to) = (centroid(query), centroid(mean));
+    let covariance = query.iter().zip(mean).map(|(q, m)| (q.coords - from) * (m.coords - to).transpose()).sum();
+    let rotation = rotation(covariance);
+    let motion = Isometry3::from_parts(Translation3::from(to - rotation * from), UnitQuaternion::from_rotation_matrix(&rotation));
+    if motion.to_matrix().iter().all(|v| v.is_finite()) { motion } else { Isometry3::identity() }
 }
 
 #[cfg(test)]
@@ -177,6 +197,59 @@ mod tests {
 
     fn yaw(degrees: f64) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), degrees.to_radians())
+    }
+
+    /// Horn (1987): the rotation of least squares is the unit quaternion that is the eigenvector of the largest eigenvalue of a
+    /// symmetric matrix of the covariance.
+    fn by_horn(query: &[Point3<f64>], mean: &[Point3<f64>]) -> UnitQuaternion<f64> {
+        let centroid = |points: &[Point3<f64>]| points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
+        let (from, to) = (centroid(query), centroid(mean));
+        let s: Matrix3<f64> = query.iter().zip(mean).map(|(q, m)| (q.coords - from) * (m.coords - to).transpose()).sum();
+        #[rustfmt::skip]
+        let n = nalgebra::Matrix4::new(
+            s.m11 + s.m22 + s.m33, s.m23 - s.m32, s.m31 - s.m13, s.m12 - s.m21,
+            s.m23 - s.m32, s.m11 - s.m22 - s.m33, s.m12 + s.m21, s.m31 + s.m13,
+            s.m31 - s.m13, s.m12 + s.m21, s.m22 - s.m11 - s.m33, s.m23 + s.m32,
+            s.m12 - s.m21, s.m31 + s.m13, s.m23 + s.m32, s.m33 - s.m11 - s.m22,
+        );
+        let eigen = n.symmetric_eigen();
+        let [w, x, y, z] = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned().into();
+        UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+    }
+
+    #[test]
+    fn the_step_of_any_rotation_is_horns_of_noisy_flat_and_mirrored_pairs() {
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let mut point = |spread: [f64; 3]| Point3::from(spread.map(|side| side * (2.0 * rng.random::<f64>() - 1.0)));
+        let planted = Isometry3::from_parts(Translation3::new(3.0, -2.0, 0.5), UnitQuaternion::from_euler_angles(1.1, -0.4, 2.2));
+        for (spread, noise, mirror) in
+            [([5.0; 3], 0.0, 1.0), ([5.0; 3], 1.0, 1.0), ([5.0, 4.0, 0.0], 0.1, 1.0), ([5.0, 4.0, 1.0], 0.1, -1.0)]
+        {
+            let query: Vec<Point3<f64>> = (0..40).map(|_| point(spread)).collect();
+            let moved = |q: &Point3<f64>| planted * Point3::new(q.x, q.y, mirror * q.z);
+            let mean: Vec<Point3<f64>> = query.iter().map(|q| moved(q) + point([noise; 3]).coords).collect();
+            let step = full_step(&query, &mean);
+            assert!(step.rotation.angle_to(&by_horn(&query, &mean)) < 1e-9, "{spread:?} {noise} {mirror}");
+            if noise == 0.0 {
+                assert!(
+                    step.rotation.angle_to(&planted.rotation) < 1e-9
+                        && (step.translation.vector - planted.translation.vector).norm() < 1e-9
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_step_about_z_leaves_less_error_than_any_other_angle() {
+        let mut rng = ChaCha8Rng::seed_from_u64(10);
+        let mut point = || Point3::from([5.0, 4.0, 3.0].map(|side| side * (2.0 * rng.random::<f64>() - 1.0)));
+        let (query, mean): (Vec<_>, Vec<_>) = (0..30).map(|_| (point(), point())).unzip();
+        let error = |motion: &Isometry3<f64>| query.iter().zip(&mean).map(|(q, m)| (motion * q - m).norm_squared()).sum::<f64>();
+        let best = yaw_step(&query, &mean);
+        for degree in 0..360 {
+            let other = motion(&query, &mean, |_| Rotation3::from_axis_angle(&Vector3::z_axis(), f64::from(degree).to_radians()));
+            assert!(error(&best) <= error(&other) + 1e-9, "{degree}°");
+        }
     }
 
     #[test]

@@ -162,8 +162,7 @@ pub fn evaluate(
     if let Some(shape) = shapes.first() {
         let posed = Posed::new(shape, query.pose, protocol.viewpoint, protocol.seed, 0);
         query.camera = posed.camera;
-        perceiver.classify(&posed.observation, &query, &mut work, &mut percept)?;
-        perceiver.complete(&query, &mut work, &mut percept)?;
+        perceiver.classify(&posed.observation, &query, &mut work, &mut percept)?.complete()?;
     }
     for (place, shape) in shapes.iter().enumerate() {
         let truth = classes[shape.class];
@@ -177,8 +176,7 @@ pub fn evaluate(
             query.log_prior.clone_from(&prior);
         }
         let start = Instant::now();
-        perceiver.classify(observation, &query, &mut work, &mut percept)?;
-        perceiver.complete(&query, &mut work, &mut percept)?;
+        perceiver.classify(observation, &query, &mut work, &mut percept)?.complete()?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         let mut mean: Vec<f32> = (0..dims.voxels()).map(|v| perceiver.class_mean(percept.class, v)).collect();
         if percept.placed != Placed::default() {

@@ -10,10 +10,14 @@
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
 use crate::grid::{Observation, Placed, Rotation};
 use crate::model::{CameraDensities, Component, OFFSETS, SizeDensity, YAWS};
-use crate::perception::density::dot;
+use crate::perception::densities::log_sum::log_sum_exp;
+use crate::perception::densities::packed::PackedGaussian;
+use crate::perception::kernels::lanes::dot;
+use half::f16;
 use half::slice::HalfFloatSliceExt;
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// A step of yaw is looked at if it is within this many steps of a yaw that is told.
 const REACH: f64 = 1.5;
@@ -87,11 +91,17 @@ impl Cell {
     }
 }
 
-/// A model's densities, ready for queries.
-pub struct CameraScores {
+/// The linear map from what is seen in a view's frame to features.
+pub struct CameraFeatures {
     /// B, widened.
     basis: Vec<f32>,
     size: usize,
+}
+
+/// A model's densities, ready for queries.
+pub struct CameraScores {
+    features: CameraFeatures,
+    densities: Arc<CameraDensities>,
 }
 
 /// What is seen and hidden in a frame, and the image to find it.
@@ -109,29 +119,24 @@ pub struct ViewWork {
     pub along: Vec<f64>,
     shadow: Shadow,
     features: Vec<f32>,
-    mean: Vec<f32>,
-    whitening: Vec<f32>,
+    gaussian: PackedGaussian,
+    centred: Vec<f32>,
     regression: Vec<f32>,
     /// The outcome.
     pub cells: Vec<Cell>,
 }
 
-impl CameraScores {
-    /// Prepares densities.
-    pub fn new(densities: &CameraDensities) -> Self {
-        debug_assert_eq!(densities.basis.len(), CELLS * densities.size);
-        let mut basis = vec![0.0; densities.basis.len()];
-        densities.basis.convert_to_f32_slice(&mut basis);
-        Self { basis, size: densities.size }
-    }
-
-    /// Bytes that [`Self::new`] takes for `size` features.
-    pub fn bytes(size: usize) -> usize {
-        4 * CELLS * size
+impl CameraFeatures {
+    /// Prepares B, one row of `size` values per cell.
+    pub fn new(rows: &[f16], size: usize) -> Self {
+        debug_assert_eq!(rows.len(), CELLS * size);
+        let mut basis = vec![0.0; rows.len()];
+        rows.convert_to_f32_slice(&mut basis);
+        Self { basis, size }
     }
 
     /// Features of what is seen in a frame, into `out`.
-    pub fn features(&self, frame: &ViewFrame, observation: &Observation, scratch: &mut Shadow, out: &mut Vec<f32>) {
+    pub fn of(&self, frame: &ViewFrame, observation: &Observation, scratch: &mut Shadow, out: &mut Vec<f32>) {
         let Shadow { image, cells } = scratch;
         frame.shadow(observation, image, cells);
         out.clear();
@@ -140,23 +145,31 @@ impl CameraScores {
             out.iter_mut().zip(row).for_each(|(sum, v)| *sum += share * v);
         }
     }
+}
+
+impl CameraScores {
+    /// Prepares densities.
+    pub fn new(densities: Arc<CameraDensities>) -> Self {
+        Self { features: CameraFeatures::new(&densities.basis, densities.size), densities }
+    }
+
+    /// What the classes are mixtures of.
+    pub fn components(&self) -> &[Component] {
+        &self.densities.components
+    }
+
+    /// Bytes that [`Self::new`] takes for `size` features.
+    pub fn bytes(size: usize) -> usize {
+        4 * CELLS * size
+    }
 
     /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`.
-    pub fn score(
-        &self,
-        densities: &CameraDensities,
-        frame: &ViewFrame,
-        observation: &Observation,
-        told: &Told,
-        wanted: &[bool],
-        work: &mut ViewWork,
-    ) {
-        let ViewWork { shadow, features, mean, whitening, regression, cells, .. } = work;
-        self.features(frame, observation, shadow, features);
-        let (p, m) = (self.size, densities.components.len());
+    pub fn score(&self, frame: &ViewFrame, observation: &Observation, told: &Told, wanted: &[bool], work: &mut ViewWork) {
+        let ViewWork { shadow, features, gaussian, centred, regression, cells, .. } = work;
+        self.features.of(frame, observation, shadow, features);
+        let (densities, p, m) = (&self.densities, self.densities.size, self.densities.components.len());
         let triangle = p * (p + 1) / 2;
-        mean.resize(p, 0.0);
-        whitening.resize(triangle, 0.0);
+        centred.resize(p, 0.0);
         regression.resize(OFFSETS * p, 0.0);
         cells.clear();
         let elevations = densities.beside(frame.elevation);
@@ -167,9 +180,8 @@ impl CameraScores {
             }
             let is_wanted = |component: &Component| wanted[component.class] && (!told.upright || component.is_upright());
             for (component, of) in densities.components.iter().enumerate().filter(|(_, of)| is_wanted(of)) {
-                let class = of.class;
                 let mut cell = Cell {
-                    class,
+                    class: of.class,
                     component,
                     resting: of.rotation(),
                     log_prior: of.probability.ln(),
@@ -180,28 +192,16 @@ impl CameraScores {
                 };
                 for (elevation, share) in elevations.into_iter().filter(|(_, share)| *share > 0.0) {
                     let place = densities.place(elevation, step, component, m);
-                    densities.means[place * p..(place + 1) * p].convert_to_f32_slice(mean);
-                    densities.whitening[place * triangle..(place + 1) * triangle].convert_to_f32_slice(whitening);
-                    densities.regression[place * OFFSETS * p..(place + 1) * OFFSETS * p].convert_to_f32_slice(regression);
-                    mean.iter_mut().zip(&*features).for_each(|(mean, z)| *mean = z - *mean);
-                    let (mut distance2, mut log_volume, mut start) = (0.0, 0.0, 0);
-                    for i in 0..p {
-                        let row = &whitening[start..start + i + 1];
-                        distance2 += f64::from(dot(row, &mean[..i + 1])).powi(2);
-                        log_volume += f64::from(row[i]).ln();
-                        start += i + 1;
-                    }
+                    gaussian.load(&densities.means[place * p..][..p], &densities.whitening[place * triangle..][..triangle]);
+                    densities.regression[place * OFFSETS * p..][..OFFSETS * p].convert_to_f32_slice(regression);
+                    gaussian.centre(features, centred);
                     let offset = |j: usize| {
-                        f64::from(densities.offsets[place * OFFSETS + j]) + f64::from(dot(&regression[j * p..(j + 1) * p], mean))
+                        f64::from(densities.offsets[place * OFFSETS + j]) + f64::from(dot(&regression[j * p..(j + 1) * p], centred))
                     };
                     let offsets: [f64; OFFSETS] = std::array::from_fn(offset);
                     let deviations: [f64; OFFSETS] = std::array::from_fn(|j| f64::from(densities.deviations[place * OFFSETS + j]));
-                    let told = told.offsets(rest);
-                    let log_told: f64 = (0..OFFSETS)
-                        .filter_map(|j| told[j].map(|v| -0.5 * ((v - offsets[j]) / deviations[j]).powi(2) - deviations[j].ln()))
-                        .sum();
-                    let score = share.ln() + log_volume - 0.5 * distance2 + log_told;
-                    cell.add(score, &offsets, &deviations);
+                    let log_told = told.log_density(rest, &offsets, &deviations);
+                    cell.add(share.ln() + gaussian.log_density(centred) + log_told, &offsets, &deviations);
                 }
                 cells.push(cell);
             }
@@ -212,18 +212,24 @@ impl CameraScores {
 impl Cell {
     /// Adds a part of the mixture.
     fn add(&mut self, score: f64, offsets: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) {
-        let peak = self.score.max(score);
-        let (old, new) = ((self.score - peak).exp(), (score - peak).exp());
-        let share = new / (old + new);
+        let together = log_sum_exp([self.score, score].into_iter());
+        let share = (score - together).exp();
         for j in 0..OFFSETS {
             self.offsets[j] += share * (offsets[j] - self.offsets[j]);
             self.deviations[j] += share * (deviations[j] - self.deviations[j]);
         }
-        self.score = peak + (old + new).ln();
+        self.score = together;
     }
 }
 
 impl Told {
+    /// Log density of what is told as an observation of offsets with this mean and these deviations.
+    fn log_density(&self, rest: Option<f64>, mean: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) -> f64 {
+        let told = self.offsets(rest);
+        let of_axis = |j: usize| told[j].map(|v| -0.5 * ((v - mean[j]) / deviations[j]).powi(2) - deviations[j].ln());
+        (0..OFFSETS).filter_map(of_axis).sum()
+    }
+
     /// As offsets, `rest` being what is left of the yaw.
     fn offsets(&self, rest: Option<f64>) -> [Option<f64>; OFFSETS] {
         let place = |axis: usize| self.place.map(|place| place[axis]);

@@ -9,6 +9,7 @@
 //!
 //! Where the object is expected somewhere, the search begins there as well, and elsewhere steps of 15° do.
 
+use super::climb::{Neighbours, climb, parabola};
 use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
 use std::f64::consts::TAU;
@@ -19,6 +20,8 @@ const COARSE: f64 = 10.0 / 360.0 * TAU;
 const COARSE_ELSEWHERE: f64 = 15.0 / 360.0 * TAU;
 /// Steps of the hill climbing, each in turn.
 const FINE: [f64; 3] = [5.0 / 360.0 * TAU, 2.0 / 360.0 * TAU, 1.0 / 360.0 * TAU];
+/// Moves by each of them, at most.
+const SWEEPS: usize = 4;
 /// Modes that are refined, at most …
 const MOST_MODES: usize = 8;
 /// … and only those whose peak on the coarse grid is within this of the best one's, in nats.
@@ -174,18 +177,10 @@ impl Circle<'_> {
     fn climb<E>(&self, start: Angle, looked: &mut Looked, look: &mut impl FnMut(f64, &mut Looked) -> Result<Angle, E>) -> Result<(), E> {
         let mut top = start;
         for step in FINE {
-            for _ in 0..4 {
-                let before = top.angle;
-                for next in [before - step, before + step].into_iter().filter_map(|next| self.normal(next)) {
-                    let next = look(next, looked)?;
-                    if next.best.1 > top.best.1 {
-                        top = next;
-                    }
-                }
-                if top.angle == before {
-                    break;
-                }
-            }
+            (top, _) = climb((top, top.best.1), &[0], SWEEPS, Neighbours::Both, |at, _, side| {
+                let Some(next) = self.normal(at.angle + side * step) else { return Ok(None) };
+                look(next, looked).map(|next| Some((next, next.best.1)))
+            })?;
         }
         // The top of a parabola through the best angle and its neighbours at two degrees, which smooths what nearest-neighbour
         // resampling adds.
@@ -196,12 +191,10 @@ impl Circle<'_> {
             let next = look(next, looked)?;
             *side = looked.scores(next)[class] / self.temperature + next.prior;
         }
-        let bend = sides[0] - 2.0 * height + sides[1];
-        if bend < 0.0 {
-            let shift = (0.5 * wide * (sides[0] - sides[1]) / bend).clamp(-wide / 2.0, wide / 2.0);
-            if let Some(next) = self.normal(top.angle + shift) {
-                look(next, looked)?;
-            }
+        if let Some((shift, _)) = parabola(sides[0], height, sides[1])
+            && let Some(next) = self.normal(top.angle + wide * shift.clamp(-0.5, 0.5))
+        {
+            look(next, looked)?;
         }
         Ok(())
     }

@@ -10,12 +10,17 @@
 use super::grid::{count_for, rotations};
 use super::modes::{Candidate, Mode, modes};
 use super::posterior::Sample;
-use super::refine::{Refined, Refiner};
+use super::refine::{RefineScratch, Refined, Refiner};
 use super::view_scores::{CELLS, Screen};
-use crate::grid::{HeightMap, Rotation};
-use crate::perception::blend::softmax;
-use crate::perception::perceiver::{PerceiveError, Perceiver, Workspace};
-use crate::perception::{Method, Percept, Query};
+use crate::grid::{HeightMap, Observation, Placed, Rotation};
+use crate::perception::densities::log_sum::{log_sum_exp, softmax};
+use crate::perception::evidence::known::Known;
+use crate::perception::evidence::placed::{Evidence, EvidenceScratch};
+use crate::perception::pool::Pool;
+use crate::perception::prepared::{Here, Prepared};
+use crate::perception::scored::{Scored, Wanted};
+use crate::perception::timings::Clock;
+use crate::perception::{Method, PerceiveError, Query};
 use rayon::prelude::*;
 
 /// Best rotations of a class among which modes are sought.
@@ -51,7 +56,7 @@ struct Prior<'a> {
     log_density: &'a (dyn Fn(&Rotation) -> f64 + Sync),
     /// Rotations to look at besides the grid.
     hints: Vec<Rotation>,
-    wanted: Vec<bool>,
+    wanted: &'a Wanted,
 }
 
 impl Prior<'_> {
@@ -94,47 +99,84 @@ impl Peaks {
     }
 }
 
-impl Perceiver {
-    /// Class posterior and weighted rotations.
-    pub(in crate::perception) fn find_full(&self, query: &Query, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        let log_density = query.rotation_prior.log_density(query.pose);
-        let m = self.model.classes.len();
-        let prior = Prior {
-            log_density: &log_density,
-            hints: query.rotation_prior.centres().copied().collect(),
-            wanted: (0..m).map(|s| query.log_prior(s) > f64::NEG_INFINITY).collect(),
-        };
-        work.samples.clear();
-        if !percept.informed {
+/// Scratch memory of this stage.
+#[derive(Default)]
+pub struct FullScratch {
+    refine: Pool<RefineScratch>,
+    evidence: Pool<EvidenceScratch>,
+}
+
+/// The search over SO(3).
+pub struct FullSearch<'a> {
+    pub prepared: &'a Prepared,
+    pub here: &'a Here,
+    pub query: &'a Query,
+    pub wanted: &'a Wanted,
+    /// Which view of the model's the observation was taken from, if one.
+    pub view: Option<usize>,
+}
+
+impl FullSearch<'_> {
+    /// Class posterior and weighted rotations of an observation, `known` as it came.
+    pub fn score(
+        &self,
+        seen: &Observation,
+        known: &Known,
+        scratch: &FullScratch,
+        clock: &mut Clock,
+        out: &mut Scored,
+    ) -> Result<(), PerceiveError> {
+        let log_density = self.query.rotation_prior.log_density(self.query.pose);
+        let hints = self.query.rotation_prior.centres().copied().collect();
+        let prior = Prior { log_density: &log_density, hints, wanted: self.wanted };
+        if !out.informed {
             let usual = 1.0 / count_for(COARSE) as f64;
             let grid = rotations(count_for(COARSE)).map(|rotation| (rotation, usual));
             for (rotation, share) in grid.chain(prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual)))) {
                 let log_density = (prior.log_density)(&rotation);
-                work.samples.extend(prior.classes().map(|class| Sample { rotation, class, log_density, share }));
+                out.samples.extend(prior.classes().map(|class| Sample { rotation, class, log_density, share }));
             }
             return Ok(());
         }
-        match (query.method, self.view_of(query, work)) {
-            (Method::Auto | Method::Hull, Some(_)) => self.find_by_views(query, &prior, work, percept),
-            _ => self.find_by_evidence(query, &prior, work, percept),
+        match (self.query.method, self.view) {
+            (Method::Auto | Method::Hull, Some(_)) => self.by_views(&prior, seen, known, scratch, clock, out),
+            _ => self.by_evidence(&prior, seen, known, scratch, clock, out),
         }
     }
 
+    fn refiner<'b>(
+        &'b self,
+        seen: &'b Observation,
+        known: &'b Known,
+        prior: &'b (dyn Fn(&Rotation) -> f64 + Sync),
+        scratch: &'b FullScratch,
+    ) -> Refiner<'b> {
+        Refiner { evidence: &self.prepared.evidence, seen, known, outside: self.query.outside, prior, pool: &scratch.refine }
+    }
+
     /// By the densities of views from above, and the evidence.
-    fn find_by_views(&self, query: &Query, prior: &Prior<'_>, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        let m = self.model.classes.len();
-        let by_evidence = query.method == Method::Auto;
+    fn by_views(
+        &self,
+        prior: &Prior<'_>,
+        seen: &Observation,
+        known: &Known,
+        scratch: &FullScratch,
+        clock: &mut Clock,
+        out: &mut Scored,
+    ) -> Result<(), PerceiveError> {
+        let m = self.prepared.classes();
+        let by_evidence = self.query.method == Method::Auto;
         let temperature = if by_evidence { TEMPERATURE } else { HULL_TEMPERATURE };
-        let weight = EVIDENCE_WEIGHT * self.model.metadata.calibration.noise_inflation;
-        let map = HeightMap::of(&work.seen);
-        let screen = self.view_scores().screen(&self.model, &map, &prior.wanted);
+        let weight = EVIDENCE_WEIGHT * self.prepared.model.metadata.calibration.noise_inflation;
+        let map = HeightMap::of(seen);
+        let screen = self.here.views.screen(&map, prior.wanted);
         let mut peaks: Vec<Option<Peaks>> = (0..m)
             .into_par_iter()
             .map(|class| prior.wanted[class].then(|| self.peaks_of_views(class, &screen, &map, prior, temperature)))
             .collect();
-        percept.timings.projected = work.stopwatch.elapsed();
+        clock.projected();
         let scores: Vec<f64> =
-            (0..m).map(|s| peaks[s].as_ref().map_or(f64::NEG_INFINITY, |p| p.total / temperature + query.log_prior(s))).collect();
+            (0..m).map(|s| peaks[s].as_ref().map_or(f64::NEG_INFINITY, |p| p.total / temperature + self.query.log_prior(s))).collect();
         for (peaks, most) in peaks.iter_mut().zip(prior.modes_to_refine(&scores)) {
             if let Some(peaks) = peaks {
                 // The others need a mode as well: what it is, not how well it fits.
@@ -143,25 +185,25 @@ impl Perceiver {
         }
         if by_evidence {
             let scaled = |rotation: &Rotation| (prior.log_density)(rotation) * temperature / weight;
-            let refiner = Refiner { perceiver: self, seen: &work.seen, known: &work.known, query, prior: &scaled };
+            let refiner = self.refiner(seen, known, &scaled, scratch);
             let counts = prior.modes_to_refine(&scores);
             refine_all(&refiner, &mut peaks, &counts, &FINE)?;
         }
         // Where no evidence was computed it says as little as where it was least.
-        let best = |p: &Peaks| p.refined.iter().map(|r| weight * r.evidence).fold(f64::NEG_INFINITY, f64::max);
+        let best = |p: &Peaks| p.refined.iter().map(|r| weight * r.evidence.log_ratio).fold(f64::NEG_INFINITY, f64::max);
         let least = peaks.iter().flatten().filter(|p| !p.refined.is_empty()).map(best).fold(f64::INFINITY, f64::min);
         let least = if least.is_finite() { least } else { 0.0 };
 
-        percept.scores.resize(m, 0.0);
-        percept.posterior.resize(m, f64::NEG_INFINITY);
+        out.scores.resize(m, f64::NEG_INFINITY);
+        out.posterior.resize(m, f64::NEG_INFINITY);
         for (class, peaks) in peaks.iter().enumerate() {
             let Some(peaks) = peaks else { continue };
             let evidence = if peaks.refined.is_empty() { least } else { best(peaks) };
-            percept.scores[class] = peaks.total + evidence;
-            percept.posterior[class] = percept.scores[class] / temperature + query.log_prior(class);
-            add_samples(peaks, class, weight, temperature, prior, &mut work.samples);
+            out.scores[class] = peaks.total + evidence;
+            out.posterior[class] = out.scores[class] / temperature + self.query.log_prior(class);
+            add_samples(peaks, class, weight, temperature, prior, &mut out.samples);
         }
-        softmax(&mut percept.posterior);
+        softmax(&mut out.posterior);
         Ok(())
     }
 
@@ -169,18 +211,17 @@ impl Perceiver {
     fn peaks_of_views(&self, class: usize, screen: &Screen, map: &HeightMap, prior: &Prior<'_>, temperature: f64) -> Peaks {
         let log_prior = |rotation: &Rotation| temperature * (prior.log_density)(rotation);
         let mut cells: Vec<(f64, usize)> =
-            (0..CELLS).map(|cell| (screen.score(class, cell) + log_prior(self.view_scores().rotation(cell)), cell)).collect();
+            (0..CELLS).map(|cell| (screen.score(class, cell) + log_prior(self.here.views.rotation(cell)), cell)).collect();
         let hints: Vec<Candidate> = prior
             .hints
             .iter()
             .map(|hint| {
-                let score = self.view_scores().score_at(&self.model, map, hint, class) + log_prior(hint);
+                let score = self.here.views.score_at(map, hint, class) + log_prior(hint);
                 Candidate { cell: *hint, rotation: *hint, score }
             })
             .collect();
-        let best = cells.iter().map(|c| c.0).chain(hints.iter().map(|h| h.score)).fold(f64::NEG_INFINITY, f64::max);
         let all = cells.iter().map(|c| c.0).chain(hints.iter().map(|h| h.score));
-        let total = best + SOFT_MAXIMUM * all.map(|score| ((score - best) / SOFT_MAXIMUM).exp()).sum::<f64>().ln();
+        let total = SOFT_MAXIMUM * log_sum_exp(all.map(|score| score / SOFT_MAXIMUM));
         let falling = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
         cells.select_nth_unstable_by(CANDIDATES, falling);
         cells.truncate(CANDIDATES);
@@ -188,34 +229,53 @@ impl Perceiver {
         let usual = 1.0 / CELLS as f64;
         let mut looked: Vec<(Candidate, f64)> = hints.into_iter().map(|hint| (hint, prior.share(&hint.rotation, usual))).collect();
         looked.extend(cells.into_iter().map(|(_, cell)| {
-            let rotation = self.view_scores().regressed(&self.model, screen, class, cell);
+            let rotation = self.here.views.regressed(screen, class, cell);
             let score = screen.score(class, cell) + log_prior(&rotation);
-            (Candidate { cell: *self.view_scores().rotation(cell), rotation, score }, usual)
+            (Candidate { cell: *self.here.views.rotation(cell), rotation, score }, usual)
         }));
         Peaks::new(looked, total)
     }
 
     /// By the evidence, or the distance to the class means.
-    fn find_by_evidence(&self, query: &Query, prior: &Prior<'_>, work: &mut Workspace, percept: &mut Percept) -> Result<(), PerceiveError> {
-        let calibration = &self.model.metadata.calibration;
-        let by_distance = query.method == Method::Mean;
+    fn by_evidence(
+        &self,
+        prior: &Prior<'_>,
+        seen: &Observation,
+        known: &Known,
+        scratch: &FullScratch,
+        clock: &mut Clock,
+        out: &mut Scored,
+    ) -> Result<(), PerceiveError> {
+        let calibration = &self.prepared.model.metadata.calibration;
+        let by_distance = self.query.method == Method::Mean;
         let (blend, weight) = if by_distance {
             (&calibration.mean, calibration.mean.distance.max(1e-9))
         } else {
             (&calibration.evidence, calibration.evidence.evidence.max(1e-9))
         };
-        let m = self.model.classes.len();
+        let m = self.prepared.classes();
+        let raw = |evidence: &Evidence| if by_distance { -evidence.squared_distance } else { evidence.log_ratio };
         let usual = 1.0 / count_for(COARSE) as f64;
         let mut grid: Vec<(Rotation, f64)> = prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual))).collect();
         grid.extend(rotations(count_for(COARSE)).map(|rotation| (rotation, usual)));
         let scores: Vec<Vec<f64>> = grid
             .par_iter()
             .map(|(rotation, _)| {
-                let (evidence, distance) = self.score_turned(&self.turned_back(&work.seen, rotation, query), &prior.wanted)?;
-                Ok::<_, PerceiveError>(if by_distance { distance } else { evidence })
+                let evidence = &self.prepared.evidence;
+                scratch.evidence.with(
+                    || EvidenceScratch::new(evidence.dims()),
+                    |scratch| {
+                        evidence.place(seen, &Placed::turned(*rotation), self.query.outside, scratch)?;
+                        let score = |class: usize| -> Result<f64, PerceiveError> {
+                            let found = if prior.wanted[class] { evidence.of_class(class, scratch)? } else { Evidence::NONE };
+                            Ok(raw(&found))
+                        };
+                        (0..m).map(score).collect()
+                    },
+                )
             })
-            .collect::<Result<_, _>>()?;
-        percept.timings.projected = work.stopwatch.elapsed();
+            .collect::<Result<_, PerceiveError>>()?;
+        clock.projected();
         // Scores are log densities from here on.
         let peaks_of = |class: usize| {
             let looked: Vec<(Candidate, f64)> = grid
@@ -231,7 +291,7 @@ impl Perceiver {
         };
         let mut peaks: Vec<Option<Peaks>> = (0..m).map(|class| prior.wanted[class].then(|| peaks_of(class))).collect();
         let totals: Vec<f64> =
-            (0..m).map(|s| peaks[s].as_ref().map_or(f64::NEG_INFINITY, |p| p.total + blend.offsets[s] + query.log_prior(s))).collect();
+            (0..m).map(|s| peaks[s].as_ref().map_or(f64::NEG_INFINITY, |p| p.total + blend.offsets[s] + self.query.log_prior(s))).collect();
         let counts = prior.modes_to_refine(&totals);
         for (peaks, most) in peaks.iter_mut().zip(&counts) {
             if let Some(peaks) = peaks {
@@ -240,26 +300,23 @@ impl Perceiver {
             }
         }
         let scaled = |rotation: &Rotation| (prior.log_density)(rotation) / weight;
-        let refiner = Refiner { perceiver: self, seen: &work.seen, known: &work.known, query, prior: &scaled };
+        let refiner = self.refiner(seen, known, &scaled, scratch);
         refine_all(&refiner, &mut peaks, &counts, &FINE_FROM_COARSE)?;
 
-        percept.scores.resize(m, 0.0);
-        percept.posterior.resize(m, f64::NEG_INFINITY);
+        out.scores.resize(m, f64::NEG_INFINITY);
+        out.posterior.resize(m, f64::NEG_INFINITY);
         for (class, peaks) in peaks.iter().enumerate() {
             let Some(peaks) = peaks else { continue };
-            let refined = peaks.refined.iter().map(|r| {
-                let raw = if by_distance { r.distance } else { r.evidence };
-                (r.rotation, weight * raw + (prior.log_density)(&r.rotation))
-            });
+            let refined = peaks.refined.iter().map(|r| (r.rotation, weight * raw(&r.evidence) + (prior.log_density)(&r.rotation)));
             let found: Vec<(Rotation, f64)> = refined.collect();
             let best = found.iter().map(|f| f.1).fold(peaks.total, f64::max);
-            percept.scores[class] = best / weight;
-            percept.posterior[class] = best + blend.offsets[class] + query.log_prior(class);
+            out.scores[class] = best / weight;
+            out.posterior[class] = best + blend.offsets[class] + self.query.log_prior(class);
             let sample = |rotation: Rotation, log_density: f64, share: f64| Sample { rotation, class, log_density, share };
-            work.samples.extend(found.iter().map(|(rotation, score)| sample(*rotation, *score, usual)));
-            work.samples.extend(peaks.candidates.iter().zip(&peaks.shares).map(|(c, share)| sample(c.rotation, c.score, *share)));
+            out.samples.extend(found.iter().map(|(rotation, score)| sample(*rotation, *score, usual)));
+            out.samples.extend(peaks.candidates.iter().zip(&peaks.shares).map(|(c, share)| sample(c.rotation, c.score, *share)));
         }
-        softmax(&mut percept.posterior);
+        softmax(&mut out.posterior);
         Ok(())
     }
 }
@@ -281,18 +338,19 @@ fn refine_all(refiner: &Refiner<'_>, peaks: &mut [Option<Peaks>], counts: &[usiz
 
 /// The samples of a class: the candidates, each with the evidence of its mode, and on top of each mode its refined rotation.
 fn add_samples(peaks: &Peaks, class: usize, weight: f64, temperature: f64, prior: &Prior<'_>, samples: &mut Vec<Sample>) {
-    let least = peaks.refined.iter().map(|r| weight * r.evidence).fold(f64::INFINITY, f64::min);
+    let least = peaks.refined.iter().map(|r| weight * r.evidence.log_ratio).fold(f64::INFINITY, f64::min);
     let mut evidence = vec![if least.is_finite() { least } else { 0.0 }; peaks.candidates.len()];
     let usual = 1.0 / CELLS as f64;
     for (place, mode) in peaks.modes.iter().enumerate() {
         let refined = peaks.refined.get(place);
         if let Some(refined) = refined {
-            mode.members.iter().for_each(|i| evidence[*i] = weight * refined.evidence);
+            mode.members.iter().for_each(|i| evidence[*i] = weight * refined.evidence.log_ratio);
         }
         let rotation = refined.map_or(mode.rotation, |r| r.rotation);
         let raw =
             mode.members.first().map_or(mode.score, |i| mode.score - temperature * (prior.log_density)(&peaks.candidates[*i].rotation));
-        let own = (raw + temperature * (prior.log_density)(&rotation) + refined.map_or(0.0, |r| weight * r.evidence)) / temperature;
+        let own =
+            (raw + temperature * (prior.log_density)(&rotation) + refined.map_or(0.0, |r| weight * r.evidence.log_ratio)) / temperature;
         // It stands for the mode, so it is not below what lies around it.
         let around = mode.members.iter().map(|i| (peaks.candidates[*i].score + evidence[*i]) / temperature);
         samples.push(Sample { rotation, class, log_density: around.fold(own, f64::max), share: usual });
@@ -311,24 +369,28 @@ mod tests {
     use super::*;
     use crate::grid::{Turn, View};
     use crate::perception::pose::small::{model, perceiver, unseen};
+    use crate::perception::prepared::Search;
 
     /// Against the same score at every rotation of a grid of 8° steps.
     #[test]
     fn the_best_of_exhaustive_scoring_is_among_the_modes() {
-        let perceiver = perceiver();
-        let prior = Prior { log_density: &|_| 0.0, hints: Vec::new(), wanted: vec![true; 3] };
+        let Search::Here(here) = &perceiver().search else { panic!("a model that is searched itself") };
+        let prepared = &perceiver().prepared;
+        let query = Query::default();
+        let search = FullSearch { prepared, here, query: &query, wanted: &[true; 3], view: Some(0) };
+        let prior = Prior { log_density: &|_| 0.0, hints: Vec::new(), wanted: &[true; 3] };
         let grid: Vec<Rotation> = rotations(count_for(degrees(8.0))).collect();
         let (mut near, mut count) = (0, 0);
         for seed in 0..8 {
             let truth = grid[seed as usize * 3001 % grid.len()];
             let view = View::Top.of(&Turn::new(model().dims(), &truth).occupancy(&unseen("chair", seed)));
             let map = HeightMap::of(&view);
-            let screen = perceiver.view_scores().screen(model(), &map, &prior.wanted);
+            let screen = here.views.screen(&map, prior.wanted);
             for class in 0..3 {
-                let peaks = perceiver.peaks_of_views(class, &screen, &map, &prior, 1.0);
+                let peaks = search.peaks_of_views(class, &screen, &map, &prior, 1.0);
                 assert!(peaks.candidates.is_sorted_by(|a, b| a.score >= b.score));
                 let found = modes(&peaks.candidates, AVERAGING, MODES_OF_KNOWN_CLASS);
-                let scores: Vec<f64> = grid.par_iter().map(|r| perceiver.view_scores().score_at(model(), &map, r, class)).collect();
+                let scores: Vec<f64> = grid.par_iter().map(|r| here.views.score_at(&map, r, class)).collect();
                 let best = (0..grid.len()).fold(0, |best, i| if scores[i] > scores[best] { i } else { best });
                 // What the finer grid finds beyond the coarse one is a fraction of what sets modes apart.
                 near += usize::from(found.iter().any(|mode| mode.rotation.angle_to(&grid[best]) < degrees(20.0)));

@@ -1,6 +1,6 @@
 //! Pose by search over rotations (eqs. 11, 12, 19–21), jointly with the class.
 //!
-//! | file | what |
+//! | file | content |
 //! | --- | --- |
 //! | `prior` | P(r): uniform, around an expected rotation, or around the last answer of a tracked object |
 //! | `posterior` | weighted rotations, merged into hypotheses |
@@ -10,14 +10,21 @@
 //! | `viewpoint` | any rotation as a direction that points up and a turn in the image plane |
 //! | `hull_features` | what a view from above shows, in few numbers |
 //! | `view_scores` | scores of all directions, turns and classes by such numbers |
+//! | `yaw_search` | class and angle about z |
+//! | `levels` | large grids: search on smaller ones, refinement on the larger |
+//! | `climb` | hill climbing and the top of a parabola, by which all searches refine |
+//! | `merging` | what lies near the best that is left becomes one mode |
 //! | `modes` | peaks among scored rotations |
 //! | `refine` | a rotation refined by reconstructing the object and turning it onto the observation |
 //! | `full` | search over SO(3): from these, class and pose |
 
 pub(crate) mod circle;
-mod full;
+pub(crate) mod climb;
+pub(super) mod full;
 pub(crate) mod grid;
 pub(crate) mod hull_features;
+pub(super) mod levels;
+pub(crate) mod merging;
 mod modes;
 pub(crate) mod posterior;
 mod prior;
@@ -27,6 +34,7 @@ pub(super) mod small;
 pub(crate) mod view_scores;
 pub(crate) mod viewpoint;
 pub(crate) mod yaw;
+pub(super) mod yaw_search;
 
 pub use posterior::Hypothesis;
 pub use prior::RotationPrior;

@@ -1,5 +1,6 @@
 //! Peaks among scored rotations, and the mean rotation of what lies around them.
 
+use super::merging::Merging;
 use crate::grid::{Rotation, mean_rotation};
 
 /// Rotations within this of a better one belong to its mode.
@@ -29,20 +30,15 @@ pub struct Mode {
 
 /// The best `most` modes of `candidates`, which are sorted by falling score: greedily, the best that is left with all near it.
 pub fn modes(candidates: &[Candidate], temperature: f64, most: usize) -> Vec<Mode> {
-    let near = (RADIUS / 2.0).cos();
-    let mut taken = vec![false; candidates.len()];
+    let nearest = (RADIUS / 2.0).cos();
+    let near = |peak: usize, other: usize| candidates[other].cell.coords.dot(&candidates[peak].cell.coords).abs() >= nearest;
+    let mut merging = Merging::default();
+    merging.start(candidates.len());
     let mut modes = Vec::new();
-    for peak in 0..candidates.len() {
-        if modes.len() == most {
-            break;
-        }
-        if taken[peak] {
-            continue;
-        }
+    while modes.len() < most {
+        let mut members = Vec::new();
+        let Some(peak) = merging.next(near, |member| members.push(member)) else { break };
         let best = &candidates[peak];
-        let members: Vec<usize> =
-            (peak..candidates.len()).filter(|i| !taken[*i] && candidates[*i].cell.coords.dot(&best.cell.coords).abs() >= near).collect();
-        members.iter().for_each(|i| taken[*i] = true);
         let weight = |candidate: &Candidate| ((candidate.score - best.score) / temperature).exp();
         let rotation = mean_rotation(&best.rotation, members.iter().map(|i| (candidates[*i].rotation, weight(&candidates[*i]))));
         modes.push(Mode { rotation, score: best.score, members });

@@ -1,5 +1,6 @@
 //! The posterior over class and rotation, as weighted samples, and what is published of it: a few hypotheses and a spread.
 
+use super::merging::Merging;
 use crate::grid::{Rotation, mean_rotation};
 
 /// Most hypotheses of an answer.
@@ -36,15 +37,15 @@ pub struct Sample {
 
 /// Merges samples into modes. Keeps its memory from query to query.
 #[derive(Clone, Debug, Default)]
-pub struct Merging {
+pub struct Modes {
     /// Samples with their weights, and by falling density.
     weighted: Vec<(f64, Sample)>,
     order: Vec<usize>,
     sorted: Vec<(f64, Sample)>,
-    taken: Vec<bool>,
+    merging: Merging,
 }
 
-impl Merging {
+impl Modes {
     /// `classes` holds P(s | query); within a class the samples share it in proportion to density × share. A mode is a peak with
     /// all samples of its class that lie within `radius` radians of it.
     ///
@@ -55,7 +56,7 @@ impl Merging {
     pub fn hypotheses(&mut self, samples: &[Sample], classes: &[f64], radius: f64, averaged: bool, out: &mut Vec<Hypothesis>) -> f64 {
         out.clear();
         out.reserve(MOST_HYPOTHESES + 1);
-        let Self { weighted, order, sorted, taken } = self;
+        let Self { weighted, order, sorted, merging } = self;
         weighted.clear();
         for (class, p) in classes.iter().enumerate().filter(|(_, p)| **p > 0.0) {
             let of_class = || samples.iter().filter(|s| s.class == class && s.log_density.is_finite());
@@ -75,29 +76,24 @@ impl Merging {
         sorted.extend(order.iter().map(|place| weighted[*place]));
         let weighted = &*sorted;
         let nearest = (radius / 2.0).cos();
-        taken.clear();
-        taken.resize(weighted.len(), false);
+        merging.start(weighted.len());
         let total: f64 = weighted.iter().map(|(weight, _)| weight).sum();
         let mut left = total;
-        for i in 0..weighted.len() {
+        let near = |peak: usize, other: usize| {
+            let (peak, other) = (&weighted[peak].1, &weighted[other].1);
+            other.class == peak.class && other.rotation.coords.dot(&peak.rotation.coords).abs() >= nearest
+        };
+        loop {
             // What is left cannot make a hypothesis that would be reported.
             let least = if out.len() < MOST_HYPOTHESES { 1e-6 * total } else { out[MOST_HYPOTHESES - 1].probability };
             if left <= least {
                 break;
             }
-            if taken[i] {
-                continue;
-            }
-            let peak = weighted[i].1;
             let mut probability = 0.0;
-            for (taken, (weight, sample)) in taken.iter_mut().zip(weighted).skip(i) {
-                if !*taken && sample.class == peak.class && sample.rotation.coords.dot(&peak.rotation.coords).abs() >= nearest {
-                    *taken = true;
-                    probability += weight;
-                }
-            }
+            let Some(place) = merging.next(near, |member| probability += weighted[member].0) else { break };
             left -= probability;
-            let rotation = if averaged { middle(&weighted[i..], &peak) } else { peak.rotation };
+            let peak = &weighted[place].1;
+            let rotation = if averaged { middle(&weighted[place..], peak) } else { peak.rotation };
             let place = out.iter().position(|h| h.probability < probability).unwrap_or(out.len());
             out.insert(place, Hypothesis { rotation, class: peak.class, probability });
             out.truncate(MOST_HYPOTHESES);
@@ -138,7 +134,7 @@ mod tests {
     fn four_equal_modes_are_four_hypotheses() {
         let mut out = Vec::new();
         let spread =
-            Merging::default().hypotheses(&circle(|a| 50.0 * (4.0 * (a - 0.3)).cos()), &[0.8, 0.2], 15_f64.to_radians(), true, &mut out);
+            Modes::default().hypotheses(&circle(|a| 50.0 * (4.0 * (a - 0.3)).cos()), &[0.8, 0.2], 15_f64.to_radians(), true, &mut out);
         assert_eq!(out.len(), 4);
         for h in &out {
             assert!((h.probability - 0.2).abs() < 0.002, "{h:?}");
@@ -152,7 +148,7 @@ mod tests {
     #[test]
     fn a_flat_posterior_says_that_nothing_is_known() {
         let mut out = Vec::new();
-        let spread = Merging::default().hypotheses(&circle(|_| 0.0), &[1.0], 15_f64.to_radians(), true, &mut out);
+        let spread = Modes::default().hypotheses(&circle(|_| 0.0), &[1.0], 15_f64.to_radians(), true, &mut out);
         assert_eq!(out.len(), MOST_HYPOTHESES);
         assert!(out.iter().all(|h| h.probability < 0.09));
         assert!((spread - PI / 2.0).abs() < 1e-3, "{spread}");
@@ -161,9 +157,9 @@ mod tests {
     #[test]
     fn a_class_without_samples_or_without_probability_is_left_out() {
         let mut out = Vec::new();
-        assert_eq!(Merging::default().hypotheses(&[], &[1.0], 0.2, true, &mut out), 0.0);
+        assert_eq!(Modes::default().hypotheses(&[], &[1.0], 0.2, true, &mut out), 0.0);
         assert!(out.is_empty());
-        Merging::default().hypotheses(&circle(|a| 100.0 * a.cos()), &[0.0, 1.0], 0.2, true, &mut out);
+        Modes::default().hypotheses(&circle(|a| 100.0 * a.cos()), &[0.0, 1.0], 0.2, true, &mut out);
         assert!(out.is_empty());
     }
 }

@@ -7,13 +7,15 @@
 //!
 //! Known empty voxels need no sum: what is lost where the object is not hidden is lost on filled and unknown voxels.
 
-use crate::grid::{Dims, Observation, Rotation};
-use crate::perception::known::Known;
-use crate::perception::perceiver::{PerceiveError, Perceiver};
-
-use crate::perception::subspace::Conditional;
-use crate::perception::{ClassSubspace, Query};
+use super::climb::{Neighbours, climb};
+use crate::grid::{Dims, Observation, Outside, Placed, Rotation};
+use crate::perception::PerceiveError;
+use crate::perception::evidence::known::Known;
+use crate::perception::evidence::placed::{Evidence, EvidenceModel, EvidenceScratch};
+use crate::perception::evidence::subspace::{ClassSubspace, Conditional};
+use crate::perception::pool::Pool;
 use nalgebra::{Unit, Vector3};
+use std::convert::Infallible;
 
 /// Least probability of a reconstructed voxel to be filled, and to be empty.
 const DOUBT: f32 = 0.1;
@@ -24,16 +26,31 @@ const SWEEPS: usize = 8;
 
 /// An observation whose pose is refined.
 pub struct Refiner<'a> {
-    /// The model.
-    pub perceiver: &'a Perceiver,
+    /// The classes.
+    pub evidence: &'a EvidenceModel,
     /// The observation as it came.
     pub seen: &'a Observation,
     /// The same, taken apart.
     pub known: &'a Known,
-    /// What is asked.
-    pub query: &'a Query,
+    /// What lies beyond the grid.
+    pub outside: Outside,
     /// Log density over rotations, relative to the uniform one, on the scale of Q.
     pub prior: &'a (dyn Fn(&Rotation) -> f64 + Sync),
+    /// Scratch memory.
+    pub pool: &'a Pool<RefineScratch>,
+}
+
+/// Scratch memory of one refinement.
+pub struct RefineScratch {
+    evidence: EvidenceScratch,
+    field: Field,
+}
+
+impl RefineScratch {
+    /// Room for observations of one size.
+    pub fn new(dims: Dims) -> Self {
+        Self { evidence: EvidenceScratch::new(dims), field: Field::new(dims) }
+    }
 }
 
 /// A refined rotation and what the class says of the observation there.
@@ -41,58 +58,45 @@ pub struct Refiner<'a> {
 pub struct Refined {
     /// From object axes to grid axes.
     pub rotation: Rotation,
-    /// Log evidence relative to a background without a class.
-    pub evidence: f64,
-    /// Negative squared distance to the class mean.
-    pub distance: f64,
+    /// The evidence there.
+    pub evidence: Evidence,
 }
 
 impl Refiner<'_> {
     /// Refines `start` for a class by `steps`, in radians, falling.
     pub fn refine(&self, class: usize, start: &Rotation, steps: &[f64]) -> Result<Refined, PerceiveError> {
-        let subspace = &self.perceiver.subspaces[class];
-        let mut conditional = Conditional::new(subspace.size());
-        let mut rotation = *start;
-        let mut field = Field::new(self.seen.dims());
-        for step in steps {
-            self.perceiver.condition_turned(&self.turned(&rotation), class, &mut conditional)?;
-            field.reconstruct(subspace, &conditional);
-            rotation = self.climb(&field, &rotation, *step);
-        }
-        let evidence = self.perceiver.condition_turned(&self.turned(&rotation), class, &mut conditional)?;
-        Ok(Refined { rotation, evidence, distance: -conditional.distance2 })
+        self.pool.with(
+            || RefineScratch::new(self.evidence.dims()),
+            |RefineScratch { evidence: scratch, field }| {
+                let mut rotation = *start;
+                for step in steps {
+                    self.evidence_at(&rotation, class, scratch)?;
+                    field.reconstruct(&self.evidence.subspaces[class], scratch.conditional());
+                    rotation = self.climb(field, &rotation, *step);
+                }
+                Ok(Refined { rotation, evidence: self.evidence_at(&rotation, class, scratch)? })
+            },
+        )
     }
 
-    fn turned(&self, rotation: &Rotation) -> Observation {
-        self.perceiver.turned_back(self.seen, rotation, self.query)
+    fn evidence_at(&self, rotation: &Rotation, class: usize, scratch: &mut EvidenceScratch) -> Result<Evidence, PerceiveError> {
+        self.evidence.of_placed(self.seen, &Placed::turned(*rotation), self.outside, class, scratch)
     }
 
     /// Moves by `step` about the grid's axes while that improves.
     fn climb(&self, field: &Field, start: &Rotation, step: f64) -> Rotation {
         let value = |rotation: &Rotation| f64::from(field.score(self.known, rotation)) + (self.prior)(rotation);
-        let (mut at, mut best) = (*start, value(start));
-        let neighbours: [Rotation; 6] = std::array::from_fn(|n| {
-            let mut axis = Vector3::zeros();
-            axis[n / 2] = 1.0;
-            Rotation::from_axis_angle(&Unit::new_unchecked(axis), if n % 2 == 0 { step } else { -step })
+        let neighbours: [[Rotation; 2]; 3] = std::array::from_fn(|axis| {
+            let about = Unit::new_unchecked(Vector3::ith(axis, 1.0));
+            [step, -step].map(|angle| Rotation::from_axis_angle(&about, angle))
         });
-        for _ in 0..SWEEPS {
-            let before = best;
-            for pair in neighbours.chunks_exact(2) {
-                for by in pair {
-                    let next = by * at;
-                    let found = value(&next);
-                    if found > best {
-                        (at, best) = (next, found);
-                        break;
-                    }
-                }
-            }
-            if best == before {
-                break;
-            }
+        let look = |at: &Rotation, axis: usize, side: f64| {
+            let next = neighbours[axis][usize::from(side < 0.0)] * at;
+            Ok::<_, Infallible>(Some((next, value(&next))))
+        };
+        match climb((*start, value(start)), &[0, 1, 2], SWEEPS, Neighbours::First, look) {
+            Ok((rotation, _)) => rotation,
         }
-        at
     }
 }
 
@@ -150,15 +154,14 @@ impl Field {
 mod tests {
     use super::*;
     use crate::grid::{Turn, View, yaw};
-    use crate::perception::PoseSearch;
     use crate::perception::pose::small::{perceiver, unseen};
 
     fn with_refiner<T>(object: &crate::grid::Occupancy, truth: &Rotation, act: impl FnOnce(&Refiner<'_>) -> T) -> T {
         let seen = View::Top.of(&Turn::new(object.dims(), truth).occupancy(object));
         let mut known = Known::new(object.dims());
         known.read(&seen);
-        let query = Query { pose: PoseSearch::Full, ..Query::default() };
-        act(&Refiner { perceiver: perceiver(), seen: &seen, known: &known, query: &query, prior: &|_| 0.0 })
+        let (evidence, pool) = (perceiver().evidence(), Pool::default());
+        act(&Refiner { evidence, seen: &seen, known: &known, outside: Outside::Empty, prior: &|_| 0.0, pool: &pool })
     }
 
     /// Q by definition, voxel by voxel of the observation, with the object's grid looked up by the turn of grids.
@@ -184,12 +187,13 @@ mod tests {
                 }
             }
             // A class conditioned on nothing is its mean.
-            let mut conditional = Conditional::new(perceiver().subspaces[0].size());
+            let class = &perceiver().evidence().subspaces[0];
+            let mut conditional = Conditional::new(class.size());
             let mut nothing = Known::new(dims);
             nothing.read(&Observation::unknown(dims));
-            perceiver().subspaces[0].condition(&nothing, 1.0, &mut conditional).unwrap();
+            class.condition(&nothing, 1.0, &mut conditional).unwrap();
             let mut field = Field::new(dims);
-            field.reconstruct(&perceiver().subspaces[0], &conditional);
+            field.reconstruct(class, &conditional);
             let found = field.score(refiner.known, &rotation);
             assert!((found - expected).abs() < 0.02 * expected.abs().max(1.0), "{found} {expected}");
         });
@@ -204,7 +208,7 @@ mod tests {
             let off = Rotation::from_scaled_axis(Vector3::new(0.08, -0.09, 0.07));
             with_refiner(&unseen("chair", seed), &truth, |refiner| {
                 let refined = refiner.refine(0, &(off * truth), &[0.1, 0.05, 0.025]).unwrap();
-                assert!(refined.evidence.is_finite());
+                assert!(refined.evidence.log_ratio.is_finite());
                 before += off.angle();
                 after += refined.rotation.angle_to(&truth);
             });

@@ -6,11 +6,7 @@
 //! all classes share one covariance, so that an angle costs one projection, one whitening, and one distance per class.
 
 use crate::grid::{Dims, for_each_column_source, for_each_run};
-use crate::linear::LinearError;
 use crate::perception::ColumnSums;
-use crate::perception::lanes::{Kernel, LANES, dispatch, multiply_add};
-use crate::perception::whitening::Whitening;
-use faer::Mat;
 use fixedbitset::FixedBitSet;
 
 /// Variance of a voxel of the hull outside of W'. Held-out objects do not mind its value between 0.3 and 3.
@@ -20,68 +16,6 @@ const RESIDUAL_VARIANCE: f64 = 1.0;
 pub fn log_residual(volume: f64, projected: &[f32]) -> f64 {
     let inside: f64 = projected.iter().map(|v| f64::from(*v).powi(2)).sum();
     -0.5 * (volume - inside) / RESIDUAL_VARIANCE
-}
-
-/// Student-t densities of all classes with one common scale matrix.
-pub struct CommonDensity {
-    /// L⁻¹ of the scale matrix.
-    whitening: Whitening,
-    /// L⁻¹ times the class means, a values per class.
-    means: Vec<f32>,
-    rank: usize,
-    degrees_of_freedom: f64,
-}
-
-impl CommonDensity {
-    /// Densities with these means (a values each) and the scale matrix `common` (a × a, lower half).
-    pub fn new(means: &[&[f32]], common: &Mat<f64>, degrees_of_freedom: f64) -> Result<Self, LinearError> {
-        let whitening = Whitening::new(&mut common.clone())?;
-        let mut densities = Self { whitening, means: Vec::new(), rank: common.nrows(), degrees_of_freedom };
-        for mean in means {
-            let whitened = densities.whiten(mean);
-            densities.means.extend(whitened);
-        }
-        Ok(densities)
-    }
-
-    fn whiten(&self, z: &[f32]) -> Vec<f32> {
-        let mut out = vec![0.0; self.rank];
-        self.whitening.whiten(&mut z.to_vec(), &mut out);
-        out
-    }
-
-    /// The log density of `z` (a values) for each class, up to a common constant, into `scores`; −∞ for classes that are not
-    /// `wanted`. Uses z and `whitened`, of as many values, as scratch.
-    pub fn log_densities(&self, z: &mut [f32], wanted: &[bool], whitened: &mut [f32], scores: &mut [f64]) {
-        self.whitening.whiten(z, whitened);
-        let (a, nu) = (self.rank as f64, self.degrees_of_freedom);
-        for ((score, mean), wanted) in scores.iter_mut().zip(self.means.chunks_exact(self.rank)).zip(wanted) {
-            *score = match wanted {
-                true => -0.5 * (nu + a) * (f64::from(dispatch(Distance2(mean, whitened))) / nu).ln_1p(),
-                false => f64::NEG_INFINITY,
-            };
-        }
-    }
-}
-
-/// Squared distance of two vectors.
-struct Distance2<'a>(&'a [f32], &'a [f32]);
-
-impl Kernel for Distance2<'_> {
-    type Output = f32;
-
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) -> f32 {
-        let (a, b) = (self.0.as_chunks::<LANES>(), self.1.as_chunks::<LANES>());
-        let mut sums = [0.0; LANES];
-        for (a, b) in a.0.iter().zip(b.0) {
-            for l in 0..LANES {
-                sums[l] = multiply_add::<FUSED>(a[l] - b[l], a[l] - b[l], sums[l]);
-            }
-        }
-        let rest: f32 = a.1.iter().zip(b.1).map(|(a, b)| (a - b) * (a - b)).sum();
-        sums.iter().sum::<f32>() + rest
-    }
 }
 
 /// A hull as runs of voxels, column by column: it turns about z by moving columns.
@@ -133,28 +67,8 @@ mod tests {
     use crate::furniture;
     use crate::grid::{Outside, Turn, View, yaw};
     use crate::model::Basis;
-    use crate::perception::Density;
     use half::f16;
     use proptest::prelude::*;
-
-    #[test]
-    fn with_one_class_it_is_the_density_of_that_class() {
-        let scale = [2.0_f32, 0.5, 0.5, 1.0];
-        let common = Mat::from_fn(2, 2, |i, j| f64::from(scale[i * 2 + j]));
-        let (one, two): (&[f32], &[f32]) = (&[1.0, -0.5], &[0.0, 2.0]);
-        let densities = CommonDensity::new(&[one, two], &common, 7.0).unwrap();
-        let z = [0.3, 0.4];
-        for (s, mean) in [one, two].into_iter().enumerate() {
-            let density = Density::new(mean, &scale).unwrap();
-            let expected = density.log_student(&z, 7.0, &mut [0.0; 2]) - density.log_volume();
-            let mut found = [0.0; 2];
-            densities.log_densities(&mut z.clone(), &[true; 2], &mut [0.0; 2], &mut found);
-            assert!((found[s] - expected).abs() < 1e-5);
-        }
-        let mut found = [0.0; 2];
-        densities.log_densities(&mut z.clone(), &[false, true], &mut [0.0; 2], &mut found);
-        assert!(found[0] == f64::NEG_INFINITY && found[1].is_finite());
-    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20))]

@@ -12,7 +12,7 @@ use super::questions::{Question, Search};
 use super::timing::Task;
 use beo_core::grid::Turn;
 use beo_core::model::Model;
-use beo_core::perception::{ClassSubspace, ColumnSums, Density, Known, LEAST_SHARE, MOST_PARTS};
+use beo_core::perception::{ClassSubspace, ColumnSums, Gaussian, Known, LEAST_SHARE, MOST_PARTS};
 use serde::Serialize;
 
 /// Bytes and floating-point operations.
@@ -36,7 +36,7 @@ impl Floor {
         }
         let (rows, sums) = ColumnSums::read_of(dims, a, &known.hull);
         // The observation is two bits per voxel.
-        let mut bytes = sums + m * Density::bytes(a) + dims.voxels() / 4;
+        let mut bytes = sums + m * Gaussian::bytes(a) + dims.voxels() / 4;
         let mut flops = rows * a + m * a * (a + 1);
         let mut scored = answer.scored.clone();
         if task == Task::Completion {

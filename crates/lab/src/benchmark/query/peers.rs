@@ -148,9 +148,9 @@ pub fn own_answers(perceiver: &Perceiver, questions: &[Question]) -> Result<Vec<
     let mut work = perceiver.workspace();
     let mut answer = |question: &Question| {
         let mut percept = Percept::default();
-        perceiver.classify(&question.observation, &question.query, &mut work, &mut percept)?;
-        let scored = percept.log_evidence.iter().map(|evidence| *evidence != 0.0).collect();
-        perceiver.complete(&question.query, &mut work, &mut percept)?;
+        let classified = perceiver.classify(&question.observation, &question.query, &mut work, &mut percept)?;
+        let scored = classified.percept().log_evidence.iter().map(|evidence| *evidence != 0.0).collect();
+        classified.complete()?;
         Ok(OwnAnswer { percept, scored })
     };
     questions.iter().map(&mut answer).collect()

@@ -83,9 +83,9 @@ pub fn time_answers(
             Condition::Paced => std::thread::sleep(FRAME),
         }
         let start = Instant::now();
-        perceiver.classify(&question.observation, &question.query, work, &mut percept)?;
+        let classified = perceiver.classify(&question.observation, &question.query, work, &mut percept)?;
         if task == Task::Completion {
-            perceiver.complete(&question.query, work, &mut percept)?;
+            classified.complete()?;
         }
         let elapsed = start.elapsed();
         black_box(&percept);

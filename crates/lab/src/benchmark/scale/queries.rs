@@ -45,9 +45,9 @@ impl Asked {
         [&mut *occupancy, &mut *deviation].into_iter().for_each(|bytes| bytes.resize(observation.dims().voxels(), 0));
         let known = Query::default();
         let start = Instant::now();
-        perceiver.classify(observation, &known, work, percept)?;
+        let answer = perceiver.classify(observation, &known, work, percept)?;
         let classified = Instant::now();
-        perceiver.complete_into(&known, work, percept, occupancy, deviation)?;
+        answer.complete_into(occupancy, deviation)?;
         Ok([microseconds(start, classified), microseconds(classified, Instant::now())])
     }
 
@@ -59,9 +59,9 @@ impl Asked {
         let mut ask = || {
             let (known, yaw) = (Query::default(), Query { pose: PoseSearch::YAW, ..Query::default() });
             let start = Instant::now();
-            perceiver.classify(observation, &known, work, percept)?;
+            let answer = perceiver.classify(observation, &known, work, percept)?;
             let classified = Instant::now();
-            perceiver.complete(&known, work, percept)?;
+            answer.complete()?;
             let completed = Instant::now();
             perceiver.classify(observation, &yaw, work, percept)?;
             let posed = Instant::now();

@@ -236,7 +236,7 @@ impl Recipe {
         let model = self.learn()?;
         let size = size(&model);
         let perceiver = Perceiver::new(Arc::new(model))?;
-        let count = if perceiver.model().levels.is_empty() { OBSERVATIONS } else { FEW_OBSERVATIONS };
+        let count = if perceiver.model().levels().is_empty() { OBSERVATIONS } else { FEW_OBSERVATIONS };
         Ok((size, Asked::new(Arc::new(perceiver), self.observations(count), None)))
     }
 }

@@ -185,8 +185,7 @@ fn complete(model: beo_core::model::Model, observation: &Observation, class: usi
     let perceiver = Perceiver::new(Arc::new(model))?;
     let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
     let start = Instant::now();
-    perceiver.classify(observation, &query, &mut work, &mut percept)?;
-    perceiver.complete(&query, &mut work, &mut percept)?;
+    perceiver.classify(observation, &query, &mut work, &mut percept)?.complete()?;
     Ok((percept, start.elapsed().as_secs_f64() * 1e3))
 }
 
