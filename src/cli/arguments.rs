@@ -15,6 +15,8 @@ pub enum PoseArgument {
     Yaw,
     /// Turned in any way
     Full,
+    /// In any of the poses in which its class can rest, turned about the vertical axis; of what cameras see
+    Rest,
 }
 
 impl PoseArgument {
@@ -25,7 +27,7 @@ impl PoseArgument {
         }
         Ok(match self {
             PoseArgument::Known => PoseSearch::Known,
-            PoseArgument::Yaw => PoseSearch::Yaw { span: span.to_radians() },
+            PoseArgument::Yaw | PoseArgument::Rest => PoseSearch::Yaw { span: span.to_radians() },
             PoseArgument::Full => PoseSearch::Full,
         })
     }

@@ -3,7 +3,7 @@
 use super::failure::{Failure, cannot_write};
 use super::progress;
 use beo_core::grid::Dims;
-use beo_shapes::{Mesh, furniture, household, write_binvox_scaled};
+use beo_shapes::{Mesh, UNITS_FILE, Units, furniture, household, longest_side, write_binvox_scaled};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::fmt::Write as _;

@@ -75,6 +75,7 @@ impl Perceive {
             log_prior: self.prior.log_prior(&perceiver),
             completion: true,
             pose: self.pose.search(self.yaw_span)?,
+            lying: matches!(self.pose, PoseArgument::Rest),
             projection: self.projection.projection(),
             ..Query::default()
         };
@@ -117,7 +118,7 @@ impl Perceive {
                     "log_score": log_score,
                     "none_probability": null,
                     "fit": null,
-                    "resting_pose": null,
+                    "resting_pose": percept.resting_pose,
                     "filtered": false,
                     "cut": [],
                     "hypotheses": percept.hypotheses.iter().map(hypothesis).collect::<Vec<_>>(),

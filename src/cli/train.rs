@@ -281,7 +281,7 @@ impl Train {
         Need::new(&counts, dims, self.least).check(&self.out, dims)?;
         let shapes = shapes::load(&self.dir, &splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES, units })?;
         let loaded = start.elapsed();
-        let is_metric = shapes.lengths_m.is_some();
+        let is_metric = shapes.set.lengths_m.is_some();
         if units != Units::None && !is_metric {
             eprintln!("true sizes are not learned: of some shapes the size is not known (.npy has none, and what `beo align` wrote has lost it)");
         }

@@ -228,10 +228,6 @@ pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method:
     if header.dims != model {
         return Some(Refusal::DimsNotOfModel { dims: header.dims, model });
     }
-    // This model has learned no resting poses.
-    if header.pose_search == PoseSearch::Rest.code() {
-        return Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest));
-    }
     // The paper's method projects the observation once for each of two thousand rotations: half a minute, all others waiting.
     let too_slow = header.pose_search == PoseSearch::Full.code() && method == Method::Paper;
     too_slow.then_some(Refusal::PoseSearchNotSupported(PoseSearch::Full))

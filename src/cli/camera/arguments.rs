@@ -63,7 +63,7 @@ pub struct Camera {
     #[arg(long, value_name = "N", default_value_t = SensorModel::default().deviations)]
     pub(super) sensor_deviations: f64,
     /// What is known of the pose
-    #[arg(long, value_enum, default_value_t = PoseArgument::Yaw)]
+    #[arg(long, value_enum, default_value_t = PoseArgument::Rest)]
     pub(super) pose: PoseArgument,
     /// Name of the camera's frame [default: that of the camera_info's header, or `camera`]
     #[arg(long, value_name = "NAME")]
@@ -144,6 +144,7 @@ impl Camera {
             PoseArgument::Known => PoseSearch::Known,
             PoseArgument::Yaw => PoseSearch::Yaw,
             PoseArgument::Full => PoseSearch::Full,
+            PoseArgument::Rest => PoseSearch::Rest,
         };
         ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
     }

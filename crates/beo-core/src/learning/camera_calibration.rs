@@ -10,8 +10,8 @@ use crate::perception::camera::camera_search::ModeRefiner;
 use crate::perception::camera::{CameraScores, Cell, Told, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::evidence::placed::EvidenceScratch;
-use rand::seq::SliceRandom;
 use rand::RngExt;
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -67,9 +67,8 @@ pub fn calibrate(
     let scores = CameraScores::new(Arc::new(densities));
     let components = scores.components();
     let seed = views.seed;
-    let mut chosen: Vec<(usize, usize, usize)> = (0..classes)
-        .flat_map(|s| left_out.held[s].iter().flat_map(move |shape| (0..SEEN).map(move |n| (s, *shape, n))))
-        .collect();
+    let mut chosen: Vec<(usize, usize, usize)> =
+        (0..classes).flat_map(|s| left_out.held[s].iter().flat_map(move |shape| (0..SEEN).map(move |n| (s, *shape, n)))).collect();
     chosen.shuffle(&mut stream(seed, 1 << 23, 0));
     chosen.truncate(MOST_SEEN);
     let score = |(class, shape, view): &(usize, usize, usize)| -> Option<Scored> {

@@ -28,7 +28,9 @@ const FEW_COMPONENTS: usize = 12;
 /// Views from which the features are learned.
 const FEATURE_VIEWS: (usize, usize) = (300, 2000);
 /// Views per component, elevation and step of yaw: about one per shape, within the bounds; half as many for the calibration.
-const VIEW_BOUNDS: [(usize, usize); 2] = [(50, 90), (44, 64)];
+const VIEW_BOUNDS: [(usize, usize); 2] = [(50, 90), (40, 50)];
+/// As many times as many of what looks the same from all sides, for all steps of yaw at once.
+const ROUND_VIEWS: usize = 3;
 /// The yaw of a view is uniform within so many steps about its own, and its elevation within so much of the distance to the next.
 const WINDOW: f64 = 0.75;
 /// Least variance of a feature, as a share of the mean variance: see `view_density`.
@@ -140,43 +142,47 @@ fn fit(
     let ridge = (LEAST_VARIANCE * features.variance).max(1e-4);
     let bounds = VIEW_BOUNDS[usize::from(parts.len() > FEW_COMPONENTS)];
     for e in 0..views.elevations.len() {
-        let moments: Vec<Vec<Moments>> = (0..YAWS)
-            .into_par_iter()
-            .map(|step| {
-                let (mut shadow, mut z) = (Shadow::default(), Vec::new());
-                let of_part = |(s, part): (usize, &Part)| {
-                    let shapes: Vec<_> = part.shapes.iter().filter(|shape| is_kept(part.component.class, shape.shape)).collect();
-                    let count = shapes.len().clamp(bounds.0, bounds.1) / share;
-                    let mut rng = stream(views.seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
-                    let (mut rows, mut offsets) = (Vec::new(), Vec::new());
-                    let first = rng.random_range(0..shapes.len().max(1));
-                    let angle = CameraDensities::yaw(step);
-                    for view in 0..if shapes.is_empty() { 0 } else { count } {
-                        // Spread over the shapes, or each more than once.
-                        let next = if count < shapes.len() { view * shapes.len() / count } else { view };
-                        let shape = shapes[(first + next) % shapes.len()];
-                        let turned = angle + around(WINDOW * TAU / YAWS as f64, &mut rng);
-                        let elevation = views.elevations[e] + around(WINDOW * reach(views.elevations, e), &mut rng);
-                        if let Some(sample) = shape.see(turned, elevation, views.sensing, &mut rng) {
-                            scores.of(&sample.frame, &sample.observation, &mut shadow, &mut z);
-                            rows.extend_from_slice(&z);
-                            offsets.push(sample.offsets(&part.component.rotation(), angle));
-                        }
+        let moments_of = |step: usize, round: bool| -> Vec<Option<Moments>> {
+            let (mut shadow, mut z) = (Shadow::default(), Vec::new());
+            let of_part = |(s, part): (usize, &Part)| {
+                if part.is_round != round {
+                    return None;
+                }
+                let shapes: Vec<_> = part.shapes.iter().filter(|shape| is_kept(part.component.class, shape.shape)).collect();
+                let count = shapes.len().clamp(bounds.0, bounds.1) / share * if round { ROUND_VIEWS } else { 1 };
+                let mut rng = stream(views.seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
+                let (mut rows, mut offsets) = (Vec::new(), Vec::new());
+                let first = rng.random_range(0..shapes.len().max(1));
+                let angle = CameraDensities::yaw(step);
+                for view in 0..if shapes.is_empty() { 0 } else { count } {
+                    // Spread over the shapes, or each more than once.
+                    let next = if count < shapes.len() { view * shapes.len() / count } else { view };
+                    let shape = shapes[(first + next) % shapes.len()];
+                    let turned = angle + around(WINDOW * TAU / YAWS as f64, &mut rng);
+                    let elevation = views.elevations[e] + around(WINDOW * reach(views.elevations, e), &mut rng);
+                    if let Some(sample) = shape.see(turned, elevation, views.sensing, &mut rng) {
+                        scores.of(&sample.frame, &sample.observation, &mut shadow, &mut z);
+                        rows.extend_from_slice(&z);
+                        offsets.push(sample.offsets(&part.component.rotation(), angle));
                     }
-                    if offsets.is_empty() {
-                        // Shapes of which nothing can be seen: a density that fits nothing.
-                        rows.resize(size, 0.0);
-                        offsets.push([0.0; OFFSETS]);
-                    }
-                    let rows = Mat::<f32>::from_fn(offsets.len(), size, |i, j| rows[i * size + j]);
-                    let offsets = Mat::<f64>::from_fn(offsets.len(), OFFSETS, |i, j| offsets[i][j]);
-                    Moments::new(rows.as_ref(), offsets, ridge)
-                };
-                parts.iter().enumerate().map(of_part).collect()
-            })
-            .collect();
-        for step in &moments {
-            for gaussian in regressed(&step.iter().collect::<Vec<_>>())? {
+                }
+                if offsets.is_empty() {
+                    // Shapes of which nothing can be seen: a density that fits nothing.
+                    rows.resize(size, 0.0);
+                    offsets.push([0.0; OFFSETS]);
+                }
+                let rows = Mat::<f32>::from_fn(offsets.len(), size, |i, j| rows[i * size + j]);
+                let offsets = Mat::<f64>::from_fn(offsets.len(), OFFSETS, |i, j| offsets[i][j]);
+                Some(Moments::new(rows.as_ref(), offsets, ridge))
+            };
+            parts.iter().enumerate().map(of_part).collect()
+        };
+        let by_step: Vec<Vec<Option<Moments>>> = (0..=YAWS).into_par_iter().map(|n| moments_of(n % YAWS, n == YAWS)).collect();
+        let (round, by_step) = by_step.split_last().expect("there are steps");
+        for step in by_step {
+            // What looks the same from all sides has one Gaussian for all steps.
+            let all: Vec<&Moments> = step.iter().zip(round).filter_map(|(own, round)| own.as_ref().or(round.as_ref())).collect();
+            for gaussian in regressed(&all)? {
                 densities.means.extend(gaussian.mean.iter().map(|v| f16::from_f64(*v)));
                 densities.whitening.extend(gaussian.packed_whitening());
                 densities.regression.extend(gaussian.regression_rows());

@@ -17,6 +17,13 @@ const MOST_VOXELS: usize = 64 * 64 * 64;
 /// The grid's box reaches down to a known table over this share of its height, as that of a producer does.
 const CONTACT_SHARE: f64 = 0.3;
 
+/// Fewest readings of an object: with fewer a producer has no grid for it.
+const LEAST_READINGS: usize = 30;
+/// Shapes that overlap by more when turned by an eighth about the vertical look the same from all sides.
+const ROUND: f64 = 0.88;
+/// Shapes that are looked at for that.
+const LOOKED_AT: usize = 8;
+
 /// The shapes of a class: complete, and their true lengths along the canonical axes, metres, where they are known.
 pub struct ClassShapes<'a> {
     /// The shapes.
@@ -45,6 +52,8 @@ pub struct Part {
     pub component: Component,
     /// Its shapes.
     pub shapes: Vec<AtRest>,
+    /// They look the same from all sides.
+    pub is_round: bool,
 }
 
 /// The components of all classes, in the order of the classes. `lying`: whether resting poses are looked for; else all stand upright.
@@ -67,7 +76,9 @@ fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
         let objects: Vec<&Occupancy> = members.iter().map(|shape| shapes.objects[*shape]).collect();
         let poses = match lying {
             true => resting_poses(&objects),
-            false => vec![Resting { rotation: Rotation::identity(), probability: 1.0, of: vec![Some(Rotation::identity()); objects.len()] }],
+            false => {
+                vec![Resting { rotation: Rotation::identity(), probability: 1.0, of: vec![Some(Rotation::identity()); objects.len()] }]
+            }
         };
         for pose in poses {
             let at_rest = |(n, rotation): (usize, &Option<Rotation>)| -> Option<AtRest> {
@@ -79,16 +90,25 @@ fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
                 (turned.count() > 0).then_some(AtRest { shape: members[n], turned, rotation, side_m, lengths })
             };
             let shapes: Vec<AtRest> = pose.of.par_iter().enumerate().filter_map(at_rest).collect();
-            let component = Component {
-                class,
-                probability: share * pose.probability,
-                resting_rotation: crate::grid::to_xyzw(&pose.rotation),
-                size,
-            };
-            parts.push(Part { component, shapes });
+            let component =
+                Component { class, probability: share * pose.probability, resting_rotation: crate::grid::to_xyzw(&pose.rotation), size };
+            let is_round = are_round(&shapes);
+            parts.push(Part { component, shapes, is_round });
         }
     }
     parts
+}
+
+/// Whether shapes at rest look the same from all sides.
+fn are_round(shapes: &[AtRest]) -> bool {
+    let step = shapes.len().div_ceil(LOOKED_AT).max(1);
+    let overlap = |shape: &AtRest| {
+        let turned = Turn::new(shape.turned.dims(), &yaw(TAU / 8.0)).occupancy(&shape.turned);
+        let both = shape.turned.overlap(&turned) as f64;
+        both / (shape.turned.count() as f64 + turned.count() as f64 - both).max(1.0)
+    };
+    let overlaps: Vec<f64> = shapes.iter().step_by(step).map(overlap).collect();
+    overlaps.iter().sum::<f64>() > ROUND * overlaps.len().max(1) as f64
 }
 
 /// Random numbers for one view.
@@ -124,6 +144,9 @@ impl AtRest {
         // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
         let axes = yaw(-turned);
         let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
+        if points.len() < LEAST_READINGS {
+            return None;
+        }
         let first = points.first()?;
         let (mut low, high) = points.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
         if let Some(table) = view.table_height().filter(|table| low.z - table < CONTACT_SHARE * (high.z - low.z)) {

@@ -14,7 +14,7 @@ const REACH: f64 = 40.0 * std::f64::consts::PI / 180.0;
 /// What stands on tables was put there as it is used as often as it came to rest by itself.
 const PUT: f64 = 0.5;
 /// Poses that are less probable are left out.
-const LEAST: f64 = 0.04;
+const LEAST: f64 = 0.08;
 /// Poses in which shapes overlap by more, turned in the best way, look alike, and are one.
 const ALIKE: f64 = 0.85;
 /// Shapes that are compared for that.

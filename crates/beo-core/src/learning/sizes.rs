@@ -64,7 +64,8 @@ fn fitted(logs: &[Vector3<f64>], count: usize) -> (f64, Kinds) {
         let mut sum = 0.0;
         for (at, shares) in logs.iter().zip(&mut shares) {
             let lengths = std::array::from_fn(|i| at[i].exp());
-            let terms: Vec<f64> = kinds.iter().map(|(p, d): &(f64, SizeDensity)| p.max(1e-9).ln() + d.log_density(lengths, [0.0; 3])).collect();
+            let terms: Vec<f64> =
+                kinds.iter().map(|(p, d): &(f64, SizeDensity)| p.max(1e-9).ln() + d.log_density(lengths, [0.0; 3])).collect();
             let peak = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let total = peak + terms.iter().map(|t| (t - peak).exp()).sum::<f64>().ln();
             sum += total;

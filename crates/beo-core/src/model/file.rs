@@ -3,8 +3,8 @@
 use super::camera_density::CELLS;
 use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::{
-    Basis, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model, OFFSETS,
-    Searched, ViewDensities, YAWS, levels_of, mapping,
+    Basis, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model,
+    OFFSETS, Searched, ViewDensities, YAWS, levels_of, mapping,
 };
 use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use crate::grid::{Dims, Pooling};

@@ -14,8 +14,8 @@ mod metadata;
 mod view_density;
 
 pub use basis::Basis;
-pub use component::{Component, SizeDensity};
 pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, OFFSETS, YAWS};
+pub use component::{Component, SizeDensity};
 pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
 pub use first_touch::Damaged;
 pub use footprint::Footprint;

@@ -300,7 +300,8 @@ impl View {
             // Box and Muller.
             (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
         };
-        let shared: Vec<f64> = if conditions.shared_noise { smoothed((0..self.depth.len()).map(|_| gaussian()).collect()) } else { Vec::new() };
+        let shared: Vec<f64> =
+            if conditions.shared_noise { smoothed((0..self.depth.len()).map(|_| gaussian()).collect()) } else { Vec::new() };
         if conditions.noise > 0.0 || conditions.dropout > 0.0 || conditions.step > 0.0 {
             for (pixel, (depth, label)) in self.depth.iter_mut().zip(&self.labels).enumerate() {
                 if *label != OBJECT || *depth <= 0.0 {
