@@ -54,6 +54,11 @@ pub fn hypotheses(percept: &Percept) -> &[Hypothesis] {
 
 /// One JSON object, in one line.
 pub fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Status, read_ns: u64) -> String {
+    as_value(percept, completion, status, read_ns).to_string()
+}
+
+/// A JSON object.
+pub fn as_value(percept: &Percept, completion: &Option<Completion>, status: &Status, read_ns: u64) -> serde_json::Value {
     let mut line = json!({
         "sequence": percept.sequence,
         "producer_id": percept.producer_id,
@@ -89,7 +94,7 @@ pub fn as_json(percept: &Percept, completion: &Option<Completion>, status: &Stat
         line["refused"] = from_field(&percept.explanation).into();
     }
     line["completion"] = completion.as_ref().map_or(serde_json::Value::Null, |c| json!({ "dims": c.header().dims, "filled": filled(c) }));
-    line.to_string()
+    line
 }
 
 /// A value that was computed, or null.

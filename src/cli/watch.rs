@@ -1,13 +1,13 @@
 //! `beo watch`: prints what the daemon perceives.
 
-use super::answers::{as_json, as_text, completion_of};
+use super::answers::{as_json, as_text, as_value, completion_of};
 use super::failure::Failure;
 use super::observe::{first_status, seconds};
 use super::pictures::{PictureArguments, Shown};
 use super::stop;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::{InstanceName, Subscriber, SubscriberOptions};
-use clap::Args;
+use clap::{ArgAction, Args};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
@@ -24,6 +24,9 @@ pub struct Watch {
     /// End after this many percepts
     #[arg(long, value_name = "N")]
     count: Option<u64>,
+    /// Pass over what was published before this began; if false, it is shown and marked as such
+    #[arg(long, value_name = "BOOL", default_value_t = true, num_args = 0..=1, require_equals = true, default_missing_value = "true", action = ArgAction::Set)]
+    since_start: bool,
     #[command(flatten)]
     pictures: PictureArguments,
     /// Seconds to wait for a daemon
@@ -34,6 +37,7 @@ pub struct Watch {
 impl Watch {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
+        let started_ns = monotonic_ns();
         let wait = seconds(self.wait)?;
         self.pictures.prepare()?;
         let stop = stop::on_signal()?;
@@ -53,14 +57,27 @@ impl Watch {
             while self.count.is_none_or(|count| shown < count) {
                 let Some(percept) = subscriber.take_percept()? else { break };
                 let read_ns = monotonic_ns();
+                // A daemon keeps its last percept for whoever comes later: nothing of it may still be true.
+                let age_s = started_ns.saturating_sub(percept.published_ns) as f64 / 1e9;
+                let is_old = percept.published_ns < started_ns;
+                if is_old && self.since_start {
+                    continue;
+                }
                 let completion = completion_of(&subscriber, &percept)?;
                 if percept.model_id != status.model_id {
                     status = subscriber.status()?.unwrap_or(status);
                 }
-                let line = if self.json {
-                    as_json(&percept, &completion, &status, read_ns)
-                } else {
-                    as_text(&percept, &completion, &status, read_ns)
+                let line = match (self.json, is_old) {
+                    (true, false) => as_json(&percept, &completion, &status, read_ns),
+                    (true, true) => {
+                        let mut line = as_value(&percept, &completion, &status, read_ns);
+                        line["published_before_start_s"] = age_s.into();
+                        line.to_string()
+                    }
+                    (false, false) => as_text(&percept, &completion, &status, read_ns),
+                    (false, true) => {
+                        format!("{} (published {age_s:.1} s before the start)", as_text(&percept, &completion, &status, read_ns))
+                    }
                 };
                 say!("{line}");
                 if let Some(completion) = completion.as_ref().filter(|_| self.pictures.is_wanted())

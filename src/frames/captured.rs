@@ -15,11 +15,21 @@ pub struct CapturedFrame {
     pub camera_to_world: Option<Isometry3<f64>>,
     /// Name of the camera's frame, where it is known.
     pub frame_id: Option<String>,
+    /// Labels of objects that have no pixel at all: their masks are empty, or nearer ones lie over them.
+    pub hidden: Vec<u16>,
+    /// Metres per unit of the depth image as its file had it.
+    pub metres_per_unit: f64,
+    /// Median depth of the labelled pixels, or of all where none has a label, metres; of the readings before any was left out as out of
+    /// range.
+    pub typical_depth_m: Option<f64>,
 }
 
 /// An image of another size than the camera's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the {what} image has {} × {} pixels, the camera {} × {}", found[0], found[1], camera[0], camera[1])]
+#[error(
+    "the {what} image has {} × {} pixels, the camera {} × {}: give the camera_info of the depth images' own stream, with binning and roi if they were cut",
+    found[0], found[1], camera[0], camera[1]
+)]
 pub struct SizeError {
     /// Which image.
     pub what: &'static str,
@@ -42,7 +52,17 @@ impl CapturedFrame {
             }
         }
         let (depth, labels) = (depth.into_values(), labels.into_values());
-        Ok(Self { name, intrinsics, depth, labels, camera_to_world: None, frame_id: None })
+        Ok(Self {
+            name,
+            intrinsics,
+            depth,
+            labels,
+            camera_to_world: None,
+            frame_id: None,
+            hidden: Vec::new(),
+            metres_per_unit: 1.0,
+            typical_depth_m: None,
+        })
     }
 
     /// Its name.

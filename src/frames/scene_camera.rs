@@ -47,12 +47,17 @@ const ORTHONORMAL: f64 = 1e-3;
 /// # Errors
 /// [`FormatError`]: what is no such JSON, or numbers that describe no camera or place; the image is named.
 pub fn parse_scene_camera(bytes: &[u8]) -> Result<BTreeMap<u32, SceneCamera>, FormatError> {
-    let entries: BTreeMap<u32, Entry> = serde_json::from_slice(bytes).map_err(|error| wrong(error.to_string()))?;
-    let camera = |(image, entry): (u32, Entry)| match camera(&entry) {
-        Ok(camera) => Ok((image, camera)),
-        Err(problem) => Err(wrong(format!("image {image}: {problem}"))),
-    };
-    entries.into_iter().map(camera).collect()
+    let entries: BTreeMap<String, Entry> = serde_json::from_slice(bytes).map_err(|error| wrong(error.to_string()))?;
+    let mut cameras = BTreeMap::new();
+    for (key, entry) in entries {
+        // `1` and `000001` are the same image.
+        let image: u32 = key.parse().map_err(|_| wrong(format!("the key `{key:.40}` is no image number")))?;
+        let camera = camera(&entry).map_err(|problem| wrong(format!("image {image}: {problem}")))?;
+        if cameras.insert(image, camera).is_some() {
+            return Err(wrong(format!("image {image} is there twice")));
+        }
+    }
+    Ok(cameras)
 }
 
 fn wrong(problem: String) -> FormatError {
@@ -99,9 +104,9 @@ mod tests {
 
     #[test]
     fn cameras_are_read_with_millimetres_as_metres() {
-        // The second turns by 90° about z: x of the world is y of the camera.
+        // Keys may be padded as the images' names are; the second turns by 90° about z: x of the world is y of the camera.
         let text = r#"{"0": {"cam_K": [572.4, 0.0, 325.3, 0.0, 573.6, 242.0, 0.0, 0.0, 1.0], "depth_scale": 0.1, "view_level": 3},
-            "12": {"cam_K": [500, 0, 320, 0, 500, 240, 0, 0, 1], "depth_scale": 1.0,
+            "000012": {"cam_K": [500, 0, 320, 0, 500, 240, 0, 0, 1], "depth_scale": 1.0,
                    "cam_R_w2c": [0, -1, 0, 1, 0, 0, 0, 0, 1], "cam_t_w2c": [10, 0, 500]}}"#;
         let cameras = parse_scene_camera(text.as_bytes()).unwrap();
         assert_eq!(cameras.keys().copied().collect::<Vec<_>>(), [0, 12]);
@@ -123,6 +128,9 @@ mod tests {
         assert!(message(", \"cam_R_w2c\": [1, 0, 0, 0, 1, 0, 0, 0, -1], \"cam_t_w2c\": [0, 0, 0]").contains("no rotation"));
         assert!(message(", \"cam_R_w2c\": [1, 0, 0], \"cam_t_w2c\": [0, 0, 0]").contains("length 9"));
         let message = |text: &str| parse_scene_camera(text.as_bytes()).unwrap_err().to_string();
+        let one = "{\"cam_K\": [5, 0, 3, 0, 5, 2, 0, 0, 1], \"depth_scale\": 1}";
+        assert!(message(&format!("{{\"1\": {one}, \"01\": {one}}}")).contains("image 1 is there twice"));
+        assert!(message(&format!("{{\"-1\": {one}}}")).contains("`-1` is no image number"));
         assert!(message("[]").contains("expected a map") && message("{\"x\": 1}").contains("scene_camera"));
         assert!(message("{\"0\": {\"cam_K\": [0, 0, 3, 0, 5, 2, 0, 0, 1], \"depth_scale\": 1}}").contains("focal"));
         assert!(message("{\"0\": {\"cam_K\": [5, 0, 3, 0, 5, 2, 0, 0, 1], \"depth_scale\": -1}}").contains("depth_scale is -1"));

@@ -3,6 +3,7 @@
 mod align;
 mod bench;
 mod camera;
+mod camera_inputs;
 mod client;
 mod faults;
 mod full_pose;

@@ -21,7 +21,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 16] = [
+pub const TARGETS: [Target; 17] = [
     Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "off", run: shapes::off, seeds: shapes::off_seeds, most_bytes: shapes::most_bytes_of_mesh },
@@ -33,6 +33,7 @@ pub const TARGETS: [Target; 16] = [
     Target { name: "observation", run: observation::run, seeds: observation::seeds, most_bytes: observation::most_bytes },
     Target { name: "c_abi", run: c_abi::run, seeds: c_abi::seeds, most_bytes: c_abi::most_bytes },
     Target { name: "png_image", run: camera::png, seeds: camera::png_seeds, most_bytes: camera::most_bytes_of_image },
+    Target { name: "jpeg_image", run: camera::jpeg, seeds: camera::jpeg_seeds, most_bytes: camera::most_bytes_of_image },
     Target { name: "tiff_image", run: camera::tiff, seeds: camera::tiff_seeds, most_bytes: camera::most_bytes_of_image },
     Target { name: "npy_image", run: camera::npy, seeds: camera::npy_seeds, most_bytes: camera::most_bytes_of_image },
     Target { name: "camera_info", run: camera::camera_info, seeds: camera::camera_info_seeds, most_bytes: camera::most_bytes_of_text },

@@ -2,6 +2,7 @@
 
 use crate::cli::arguments::PoseArgument;
 use crate::cli::failure::Failure;
+use crate::frames::{DepthAlong, FolderOptions, VoidLabels, farthest_m};
 use beo_camera::{BelowSupport, GridOptions};
 use beo_camera::{Placement, SensorModel};
 use beo_core::grid::Dims;
@@ -14,9 +15,11 @@ use std::path::PathBuf;
 /// Carve depth images with object masks into grids, for a daemon or as files
 #[derive(Args)]
 #[command(after_help = "\
-DIR holds NAME_depth.png with NAME_label.png or NAME_mask.png (or .npy, .tif) and NAME_camera_info.yaml or camera_info.yaml; or \
-folders depth and label or mask with files of equal names; or is a scene in BOP's format. Each object of each frame ends as an \
-observation, or as a line that says why there is none.")]
+DIR holds NAME_depth.png with NAME_label.png (a number for each object) or NAME_mask.png (one object); or folders depth and label, mask or \
+masks with files of equal names, as FoundationPose has them; or is a scene in BOP's format. Images are .png, .npy or .tif, masks also .jpg. \
+The camera is camera_info.yaml, cam_K.txt, camera_intrinsic.json, intrinsics.json or camchain.yaml: ROS, Kalibr, Open3D, RealSense; \
+docs/cameras.md shows each. Each object of each frame ends as an observation, or as a line that says why there is none. The exit code is 1 \
+if there was no answer at all.")]
 pub struct Camera {
     /// Folder of frames
     pub(super) folder: PathBuf,
@@ -35,12 +38,33 @@ pub struct Camera {
     /// Seconds to wait for a daemon
     #[arg(long, default_value_t = 10.0, value_name = "SECONDS")]
     pub(super) wait: f64,
-    /// Metres per unit of depth images of whole numbers [default: 0.001, or what a BOP scene says]
+    /// Metres per unit of depth images of whatever type [default: 0.001 of whole numbers, 1 of floating-point ones, or what a BOP scene says]
     #[arg(long, value_name = "METRES")]
     pub(super) depth_scale: Option<f64>,
-    /// Camera of all frames, in place of the folder's own
+    /// What depth images measure: along the optical axis, or the distance along each pixel's ray
+    #[arg(long, value_enum, default_value_t = AlongArgument::Axis, value_name = "WHAT")]
+    pub(super) depth_along: AlongArgument,
+    /// Values of depth images, in their own units, that are no reading, besides 0, negative ones and the largest of a type of whole numbers
+    #[arg(long, value_name = "VALUE", value_delimiter = ',', allow_hyphen_values = true)]
+    pub(super) no_reading: Vec<f64>,
+    /// Nearest depth that is a reading, metres
+    #[arg(long, value_name = "METRES", default_value_t = 0.0)]
+    pub(super) near: f64,
+    /// Farthest one, metres [default: where a reading's deviation is 2 % of it, which for the default sensor is 10.5]
+    #[arg(long, value_name = "METRES")]
+    pub(super) far: Option<f64>,
+    /// Camera of all frames, in place of the folder's own: the file of ROS, Kalibr, Open3D or RealSense, or a matrix of nine numbers
     #[arg(long, value_name = "FILE")]
     pub(super) camera_info: Option<PathBuf>,
+    /// Which camera of a file that describes several, as cam1 of Kalibr's or Color of RealSense's
+    #[arg(long, value_name = "NAME")]
+    pub(super) camera_name: Option<String>,
+    /// The images are rectified: the projection matrix P of camera_info holds, and there is no distortion
+    #[arg(long)]
+    pub(super) rectified: bool,
+    /// Labels that mark no object but pixels nobody labelled, or `none` [default: 255 of 8 bits, 65535 of 16, where there are other labels]
+    #[arg(long, value_name = "LABEL", value_delimiter = ',')]
+    pub(super) ignore_label: Vec<IgnoreArgument>,
     /// Direction in which things fall, in the camera frame (x right, y down, z forward) [default: from the support plane]
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(super) gravity: Option<Unit<Vector3<f64>>>,
@@ -82,6 +106,33 @@ pub struct Camera {
     pub(super) resolution: Option<usize>,
 }
 
+/// What depth images measure.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum AlongArgument {
+    /// The coordinate along the optical axis
+    Axis,
+    /// The distance from the camera
+    Ray,
+}
+
+/// A label that is no object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum IgnoreArgument {
+    None,
+    Label(u16),
+}
+
+impl std::str::FromStr for IgnoreArgument {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "none" => Ok(Self::None),
+            label => label.parse().map(Self::Label).map_err(|_| "use a label from 0 to 65535, or none"),
+        }
+    }
+}
+
 /// What is known of voxels below the support plane.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum BelowArgument {
@@ -115,18 +166,55 @@ impl Camera {
         if let Some(name) = self.frame_id.as_ref().filter(|name| name.len() > NAME_LEN) {
             return Err(Failure::Usage(format!("--frame-id {name}: use at most {NAME_LEN} bytes")));
         }
+        if !(self.near >= 0.0 && self.near.is_finite()) {
+            return Err(Failure::Usage(format!("--near {}: use metres from 0", self.near)));
+        }
+        if let Some(far) = self.far.filter(|far| !(*far > self.near)) {
+            return Err(Failure::Usage(format!("--far {far}: use metres above --near, which is {}", self.near)));
+        }
+        if let Some(value) = self.no_reading.iter().find(|value| !value.is_finite()) {
+            return Err(Failure::Usage(format!("--no-reading {value}: use a number; what is not finite is no reading anyway")));
+        }
         if self.count == Some(0) {
             return Err(Failure::Usage("--count 0: use at least 1".into()));
         }
         Ok(())
     }
 
+    fn sensor(&self) -> Result<SensorModel, Failure> {
+        SensorModel::new(self.sensor_constant, self.sensor_quadratic, self.sensor_deviations)
+            .map_err(|error| Failure::Usage(error.to_string()))
+    }
+
+    /// How the files of the folder are read.
+    pub(super) fn folder_options(&self) -> Result<FolderOptions, Failure> {
+        let far = match self.far {
+            Some(far) => far,
+            None => farthest_m(&self.sensor()?),
+        };
+        let label = |argument: &IgnoreArgument| if let IgnoreArgument::Label(label) = argument { Some(*label) } else { None };
+        Ok(FolderOptions {
+            metres_per_unit: self.depth_scale,
+            depth_along: match self.depth_along {
+                AlongArgument::Axis => DepthAlong::Axis,
+                AlongArgument::Ray => DepthAlong::Ray,
+            },
+            no_reading: self.no_reading.clone(),
+            range_m: [self.near, far],
+            camera_info: self.camera_info.clone(),
+            camera_name: self.camera_name.clone(),
+            is_rectified: self.rectified,
+            void_labels: match &self.ignore_label[..] {
+                [] => VoidLabels::Customary,
+                these => VoidLabels::These(these.iter().filter_map(label).collect()),
+            },
+        })
+    }
+
     /// How frames become grids of `dims`.
     pub(super) fn grid_options(&self, dims: Dims) -> Result<GridOptions, Failure> {
-        let sensor = SensorModel::new(self.sensor_constant, self.sensor_quadratic, self.sensor_deviations)
-            .map_err(|error| Failure::Usage(error.to_string()))?;
         Ok(GridOptions {
-            sensor,
+            sensor: self.sensor()?,
             placement: Placement { known_side_m: self.known_side, ..Placement::default() },
             support_label: self.support_label,
             gravity: self.gravity,
@@ -147,5 +235,64 @@ impl Camera {
             PoseArgument::Rest => PoseSearch::Rest,
         };
         ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Program {
+        #[command(flatten)]
+        camera: Camera,
+    }
+
+    fn camera(arguments: &[&str]) -> Result<Camera, String> {
+        let all = ["beo", "DIR"].iter().chain(arguments);
+        Program::try_parse_from(all).map(|program| program.camera).map_err(|error| error.to_string())
+    }
+
+    fn usage(arguments: &[&str]) -> String {
+        match camera(arguments).unwrap().check() {
+            Err(Failure::Usage(line)) => line,
+            other => panic!("{arguments:?}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn gravity_is_a_direction_of_whatever_length() {
+        let down = camera(&["--gravity", "0, -3,4"]).unwrap().gravity.unwrap();
+        assert!((down.into_inner() - Vector3::new(0.0, -0.6, 0.8)).norm() < 1e-12);
+        for text in ["0,0,0", "1,2", "1,2,x", "nan,0,1"] {
+            assert!(camera(&["--gravity", text]).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn values_out_of_range_are_wrong_usage() {
+        assert!(usage(&["--rate", "0"]).contains("--rate 0: use a number above 0"));
+        assert!(usage(&["--depth-scale=-1"]).contains("--depth-scale -1: use metres"));
+        assert!(usage(&["--known-side", "nan"]).contains("--known-side NaN"));
+        assert!(usage(&["--count", "0"]).contains("at least 1"));
+        assert!(usage(&["--far", "0.5", "--near", "0.6"]).contains("above --near, which is 0.6"));
+        assert!(usage(&["--near=-1"]).contains("from 0"));
+        assert!(usage(&["--no-reading", "inf"]).contains("not finite is no reading anyway"));
+        assert!(camera(&["--ignore-label", "70000"]).err().unwrap().contains("a label from 0 to 65535, or none"));
+        assert!(camera(&[]).unwrap().check().is_ok());
+    }
+
+    #[test]
+    fn flags_become_the_options_of_the_folder() {
+        let options = |arguments: &[&str]| camera(arguments).unwrap().folder_options().unwrap();
+        let usual = options(&[]);
+        assert_eq!((usual.metres_per_unit, usual.depth_along, usual.void_labels), (None, DepthAlong::Axis, VoidLabels::Customary));
+        assert!((usual.range_m[1] - 10.476).abs() < 1e-3 && usual.range_m[0] == 0.0);
+        let other = options(&["--depth-along", "ray", "--no-reading", "9999,-1", "--near", "0.2", "--far", "3", "--ignore-label", "7,9"]);
+        assert_eq!((other.depth_along, &other.no_reading[..], other.range_m), (DepthAlong::Ray, &[9999.0, -1.0][..], [0.2, 3.0]));
+        assert_eq!(other.void_labels, VoidLabels::These(vec![7, 9]));
+        assert_eq!(options(&["--ignore-label", "none"]).void_labels, VoidLabels::These(vec![]));
+        assert_eq!(options(&["--sensor-quadratic", "0"]).range_m[1], f64::INFINITY);
     }
 }

@@ -27,8 +27,23 @@ pub(super) struct Daemon {
     known_side_m: Option<f64>,
     /// What was sent and has no answer yet: frame and object.
     pending: BTreeMap<u64, (String, u64)>,
-    /// Sent, answered, refused, without an answer.
-    counts: [u64; 4],
+    answers: Answers,
+}
+
+/// What became of observations.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Answers {
+    sent: u64,
+    pub(super) answered: u64,
+    refused: u64,
+    unanswered: u64,
+}
+
+impl std::fmt::Display for Answers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} observations sent, {} answered, {} refused", self.sent, self.answered, self.refused)?;
+        if self.unanswered > 0 { write!(f, ", {} not answered", self.unanswered) } else { Ok(()) }
+    }
 }
 
 impl Sink for Daemon {
@@ -54,7 +69,7 @@ impl Sink for Daemon {
         };
         let sent = loan.send()?;
         self.pending.insert(sent.sequence, (of.frame.to_owned(), carver.object.into()));
-        self.counts[0] += 1;
+        self.answers.sent += 1;
         self.drain()?;
         Ok(())
     }
@@ -67,16 +82,14 @@ impl Sink for Daemon {
 impl Daemon {
     /// Nothing is sent yet. `in_step`: the answers set the pace.
     pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool, known_side_m: Option<f64>) -> Self {
-        Self { producer, subscriber, stop, in_step, known_side_m, pending: BTreeMap::new(), counts: [0; 4] }
+        Self { producer, subscriber, stop, in_step, known_side_m, pending: BTreeMap::new(), answers: Answers::default() }
     }
 
-    /// Waits for the answers that are still to come, and says what was sent and answered.
-    pub(super) fn finish(mut self) -> Result<String, Failure> {
+    /// Waits for the answers that are still to come.
+    pub(super) fn finish(mut self) -> Result<Answers, Failure> {
         self.settle(0)?;
         self.give_up(|_, _| true)?;
-        let [sent, answered, refused, unanswered] = self.counts;
-        let missing = if unanswered > 0 { format!(", {unanswered} not answered") } else { String::new() };
-        Ok(format!("{sent} observations sent, {answered} answered, {refused} refused{missing}"))
+        Ok(self.answers)
     }
 
     /// Takes the percepts that have come; how many were ours.
@@ -89,7 +102,7 @@ impl Daemon {
             let Some((frame, object)) = self.pending.remove(&percept.sequence) else { continue };
             count += 1;
             let is_ok = percept.status == PerceptStatus::Ok.code();
-            self.counts[if is_ok { 1 } else { 2 }] += 1;
+            *(if is_ok { &mut self.answers.answered } else { &mut self.answers.refused }) += 1;
             if !is_ok {
                 say!("{frame}: object {object} was refused: {}", from_field(&percept.explanation));
             }
@@ -123,11 +136,23 @@ impl Daemon {
     fn give_up(&mut self, is_lost: impl Fn(u64, u64) -> bool) -> Result<(), Failure> {
         let lost: Vec<u64> = self.pending.iter().filter(|(sequence, (_, object))| is_lost(**sequence, *object)).map(|(s, _)| *s).collect();
         for (frame, object) in lost.iter().filter_map(|sequence| self.pending.remove(sequence)).collect::<Vec<_>>() {
-            self.counts[3] += 1;
+            self.answers.unanswered += 1;
             say!(
                 "{frame}: object {object} was not answered: a newer frame of it came first, or there was no time; use a lower --rate, or none"
             );
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_are_counted_in_one_line_and_missing_ones_named_only_where_there_are_some() {
+        let answers = Answers { sent: 3, answered: 2, refused: 1, unanswered: 0 };
+        assert_eq!(answers.to_string(), "3 observations sent, 2 answered, 1 refused");
+        assert!(Answers { unanswered: 4, ..answers }.to_string().ends_with("1 refused, 4 not answered"));
     }
 }

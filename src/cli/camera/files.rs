@@ -24,8 +24,13 @@ impl Files {
         Ok(Self { folder: folder.into(), written: 0, voxels: vec![0; dims.voxels()] })
     }
 
-    /// What was written.
-    pub(super) fn finish(self) -> String {
+    /// Grids written so far.
+    pub(super) fn written(&self) -> u64 {
+        self.written
+    }
+
+    /// What was written, in words.
+    pub(super) fn summary(&self) -> String {
         format!("{} grids written to {}", self.written, self.folder.display())
     }
 }

@@ -18,7 +18,7 @@ mod sink;
 use crate::cli::failure::Failure;
 use crate::cli::observe::{first_status, seconds};
 use crate::cli::stop;
-use crate::frames::{FolderOptions, FrameFolder};
+use crate::frames::{FrameFolder, question_known_side};
 use beo_core::grid::Dims;
 use beo_ipc::{Producer, Subscriber, SubscriberOptions};
 use std::time::Instant;
@@ -36,8 +36,10 @@ impl Camera {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         self.check()?;
-        let options = FolderOptions { metres_per_unit: self.depth_scale, camera_info: self.camera_info.clone() };
-        let frames = FrameFolder::open(&self.folder, options)?;
+        if let Some(question) = self.known_side.and_then(question_known_side) {
+            eprintln!("warning: {question}");
+        }
+        let frames = FrameFolder::open(&self.folder, self.folder_options()?)?;
         let poses = match &self.trajectory {
             Some(path) => Some(read_trajectory(path, frames.count())?),
             None => None,
@@ -49,8 +51,8 @@ impl Camera {
                 let mut files = Files::new(folder, dims)?;
                 let mut replay = Replay::new(&self, &frames, poses, self.grid_options(dims)?);
                 replay.play(&stop, &mut files)?;
-                say!("{}, {}", replay.summary(), files.finish());
-                replay.readable()
+                say!("{}, {}", replay.summary(), files.summary());
+                replay.outcome(files.written())
             }
             None => {
                 let wait = seconds(self.wait)?;
@@ -65,7 +67,7 @@ impl Camera {
                 replay.play(&stop, &mut daemon)?;
                 let answers = daemon.finish()?;
                 say!("{}, {answers}", replay.summary());
-                replay.readable()
+                replay.outcome(answers.answered)
             }
         }
     }

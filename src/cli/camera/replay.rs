@@ -3,8 +3,8 @@
 use super::arguments::Camera;
 use super::sink::{Shown, Sink};
 use crate::cli::failure::Failure;
-use crate::frames::{CapturedFrame, FrameFolder, StampedPose};
-use beo_camera::{FrameGrids, FusedObjects, GridOptions, NoGrid, lay_grids};
+use crate::frames::{CapturedFrame, FrameFolder, StampedPose, question_depth, question_size};
+use beo_camera::{FrameGrids, FusedObjects, GridOptions, ObjectGrid, lay_grids};
 use beo_ipc::clock::monotonic_ns;
 use nalgebra::Isometry3;
 use std::collections::BTreeSet;
@@ -21,12 +21,16 @@ pub(super) struct Replay<'a> {
     frames: u64,
     unreadable: BTreeSet<usize>,
     without_grid: u64,
+    /// Objects of all frames.
+    asked: u64,
+    /// Something was asked about a unit: once is enough.
+    questioned: bool,
 }
 
 impl<'a> Replay<'a> {
     pub(super) fn new(camera: &'a Camera, folder: &'a FrameFolder, poses: Option<Vec<StampedPose>>, options: GridOptions) -> Self {
         let (fused, unreadable) = (FusedObjects::default(), BTreeSet::new());
-        Self { camera, folder, poses, options, fused, frames: 0, unreadable, without_grid: 0 }
+        Self { camera, folder, poses, options, fused, frames: 0, unreadable, without_grid: 0, asked: 0, questioned: false }
     }
 
     pub(super) fn play(&mut self, stop: &AtomicBool, sink: &mut impl Sink) -> Result<(), Failure> {
@@ -76,6 +80,8 @@ impl<'a> Replay<'a> {
             fused: self.camera.fuse,
         };
         let grids = self.lay(captured, camera_to_world)?;
+        self.question(captured, &grids);
+        self.asked += (grids.objects.len() + captured.hidden.len()) as u64;
         for laid in &grids.objects {
             match &laid.carver {
                 Ok(carver) if self.camera.fuse => {
@@ -85,7 +91,27 @@ impl<'a> Replay<'a> {
                 Err(reason) => self.say_why_not(captured.name(), reason)?,
             }
         }
+        for object in &captured.hidden {
+            self.say_why_not(captured.name(), &format!("object {object} has no pixel: its mask is empty, or nearer objects hide it"))?;
+        }
         Ok(())
+    }
+
+    /// Asks about the unit of the depth where a depth or a size is none that such a scene can have.
+    fn question(&mut self, captured: &CapturedFrame, grids: &FrameGrids<'_>) {
+        if self.questioned {
+            return;
+        }
+        let longest = |laid: &ObjectGrid<'_>| {
+            let grid = laid.carver.as_ref().ok().filter(|_| self.options.placement.known_side_m.is_none())?.grid;
+            let shortest_side = grid.dims().into_iter().min().unwrap_or(0) as f64;
+            question_size(captured, laid.object, grid.voxel_size_m() * shortest_side * self.options.placement.share)
+        };
+        let question = question_depth(captured).or_else(|| grids.objects.iter().find_map(longest));
+        if let Some(question) = question {
+            eprintln!("warning: {question}");
+            self.questioned = true;
+        }
     }
 
     fn lay<'f>(&mut self, captured: &'f CapturedFrame, camera_to_world: Option<Isometry3<f64>>) -> Result<FrameGrids<'f>, Failure> {
@@ -98,7 +124,7 @@ impl<'a> Replay<'a> {
         Ok(self.fused.lay_grids(captured.frame(), &place, &self.options)?)
     }
 
-    fn say_why_not(&mut self, frame: &str, reason: &NoGrid) -> Result<(), Failure> {
+    fn say_why_not(&mut self, frame: &str, reason: &dyn std::fmt::Display) -> Result<(), Failure> {
         self.without_grid += 1;
         say!("{frame}: no grid: {reason}");
         Ok(())
@@ -112,11 +138,16 @@ impl<'a> Replay<'a> {
         format!("{} frames{unreadable}, {} objects without a grid", self.frames, self.without_grid)
     }
 
-    pub(super) fn readable(&self) -> Result<(), Failure> {
-        match self.frames {
-            0 if !self.unreadable.is_empty() => Err(Failure::Failed(format!("no frame of {} can be read", self.camera.folder.display()))),
-            _ => Ok(()),
+    /// How it ended: nothing can be read, or nothing of what was asked got one of the `answers`.
+    pub(super) fn outcome(&self, answers: u64) -> Result<(), Failure> {
+        let folder = self.camera.folder.display();
+        if self.frames == 0 && !self.unreadable.is_empty() {
+            return Err(Failure::Failed(format!("no frame of {folder} can be read")));
         }
+        if answers == 0 && self.asked > 0 {
+            return Err(Failure::Failed(format!("no object of any frame of {folder} was answered: the lines above say why")));
+        }
+        Ok(())
     }
 }
 
@@ -129,4 +160,21 @@ fn wait_until(due: Instant, stop: &AtomicBool) -> Instant {
         std::thread::sleep(rest.min(Duration::from_millis(50)));
     }
     Instant::now()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_that_was_missed_counts_from_now_and_a_stop_ends_the_wait() {
+        let stop = AtomicBool::new(false);
+        let missed = Instant::now() - Duration::from_secs(1);
+        assert!(wait_until(missed, &stop) > missed);
+        let due = Instant::now() + Duration::from_millis(20);
+        assert!(wait_until(due, &stop) >= due);
+        stop.store(true, Ordering::Relaxed);
+        let far = Instant::now() + Duration::from_secs(3600);
+        assert_eq!(wait_until(far, &stop), far);
+    }
 }

@@ -1,17 +1,16 @@
-//! PNG images of one channel: depth in 16 bits, labels in up to 16.
+//! PNG images: depth in 16 bits, labels in up to 16, masks in whatever a program writes.
 
-use super::image::{check_size, problem};
-use super::{Image, Raster};
+use super::{Image, Raster, check_size, problem};
 use beo_shapes::FormatError;
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 use std::io::Cursor;
 
 const FORMAT: &str = "PNG";
 
-/// Reads a PNG of one channel: grey, or with a palette, whose indices are then the values (as in the label images of PASCAL VOC).
+/// Reads a PNG: grey, with a palette, or in colours, with opacity or without.
 ///
 /// # Errors
-/// [`FormatError`]: what is no PNG, damaged, larger than [`super::MOST_PIXELS`], or has colours.
+/// [`FormatError`]: what is no PNG, damaged or larger than [`super::MOST_PIXELS`].
 pub fn parse_png_image(bytes: &[u8]) -> Result<Raster, FormatError> {
     let error = |error: png::DecodingError| problem(FORMAT, error.to_string());
     // For what the decoder keeps besides the image: chunks that nobody asked for.
@@ -21,10 +20,8 @@ pub fn parse_png_image(bytes: &[u8]) -> Result<Raster, FormatError> {
     decoder.set_ignore_iccp_chunk(true);
     let header = decoder.read_header_info().map_err(error)?;
     let (width, height, colour, depth) = (header.width, header.height, header.color_type, header.bit_depth);
-    if !matches!(colour, ColorType::Grayscale | ColorType::Indexed) {
-        return Err(problem(FORMAT, format!("{colour:?}: expected one channel, grey")));
-    }
-    check_size(FORMAT, [width.into(), height.into()], 1 + usize::from(depth == BitDepth::Sixteen), bytes.len())?;
+    let bytes_per_sample = 1 + usize::from(depth == BitDepth::Sixteen);
+    check_size(FORMAT, [width.into(), height.into()], colour.samples() * bytes_per_sample, bytes.len())?;
     let mut reader = decoder.read_info().map_err(error)?;
     let size = reader.output_buffer_size().ok_or_else(|| problem(FORMAT, "too large".into()))?;
     let mut data = vec![0; size];
@@ -32,15 +29,44 @@ pub fn parse_png_image(bytes: &[u8]) -> Result<Raster, FormatError> {
     if (frame.width, frame.height) != (width, height) {
         return Err(problem(FORMAT, "an animation whose first picture is smaller than the image".into()));
     }
-    let raster = match depth {
-        BitDepth::Sixteen => {
+    let raster = match (colour, depth) {
+        (ColorType::Grayscale, BitDepth::Sixteen) => {
             let words = data.as_chunks::<2>().0.iter().map(|pair| u16::from_be_bytes(*pair)).collect();
             Image::new(width, height, words).map(Raster::Words)
         }
-        BitDepth::Eight => Image::new(width, height, data).map(Raster::Bytes),
-        packed => Image::new(width, height, unpacked(&data, width as usize, frame.line_size, packed as u8)).map(Raster::Bytes),
+        (ColorType::Grayscale | ColorType::Indexed, _) => {
+            let values = match depth {
+                BitDepth::Eight => data,
+                packed => unpacked(&data, width as usize, frame.line_size, packed as u8),
+            };
+            let palette = (colour == ColorType::Indexed).then(|| palette(reader.info()));
+            Image::new(width, height, values).map(|image| match palette {
+                Some(palette) => Raster::Indexed { image, palette },
+                None => Raster::Bytes(image),
+            })
+        }
+        (ColorType::Rgb | ColorType::Rgba | ColorType::GrayscaleAlpha, _) => {
+            let pixel = |samples: &[u8]| {
+                // The higher byte of each sample.
+                let at = |channel: usize| samples[channel * bytes_per_sample];
+                match colour {
+                    ColorType::Rgb => [at(0), at(1), at(2), 255],
+                    ColorType::Rgba => [at(0), at(1), at(2), at(3)],
+                    _ => [at(0), at(0), at(0), at(1)],
+                }
+            };
+            let pixels = data.chunks_exact(colour.samples() * bytes_per_sample).map(pixel).collect();
+            Image::new(width, height, pixels).map(Raster::Colours)
+        }
     };
     raster.ok_or_else(|| problem(FORMAT, "fewer pixels than its header says".into()))
+}
+
+/// The colours of a palette, opaque where nothing else is said.
+fn palette(info: &png::Info<'_>) -> Vec<[u8; 4]> {
+    let opacity = info.trns.as_deref().unwrap_or_default();
+    let colours = info.palette.as_deref().unwrap_or_default().as_chunks::<3>().0;
+    colours.iter().enumerate().map(|(i, [r, g, b])| [*r, *g, *b, opacity.get(i).copied().unwrap_or(255)]).collect()
 }
 
 /// One byte for each pixel of rows of `bits` (1, 2 or 4) a pixel, the first in the highest bits.
@@ -71,21 +97,34 @@ mod tests {
         let depth = png(3, 2, ColorType::Grayscale, BitDepth::Sixteen, &[0, 0, 0, 1, 3, 232, 1, 0, 255, 255, 0, 2]);
         assert_eq!(parse_png_image(&depth).unwrap(), Raster::Words(Image::new(3, 2, vec![0, 1, 1000, 256, 65535, 2]).unwrap()));
         let labels = Image::new(3, 2, vec![0, 1, 2, 3, 2, 1]).unwrap();
-        for colour in [ColorType::Grayscale, ColorType::Indexed] {
+        let palette = vec![[0, 0, 0, 255]; 4];
+        for (colour, expected) in [
+            (ColorType::Grayscale, Raster::Bytes(labels.clone())),
+            (ColorType::Indexed, Raster::Indexed { image: labels.clone(), palette }),
+        ] {
             let eight = png(3, 2, colour, BitDepth::Eight, labels.values());
-            assert_eq!(parse_png_image(&eight).unwrap(), Raster::Bytes(labels.clone()));
+            assert_eq!(parse_png_image(&eight).unwrap(), expected);
             let two = png(3, 2, colour, BitDepth::Two, &[0b00_01_10_00, 0b11_10_01_00]);
-            assert_eq!(parse_png_image(&two).unwrap(), Raster::Bytes(labels.clone()));
+            assert_eq!(parse_png_image(&two).unwrap(), expected);
         }
         let one = png(10, 1, ColorType::Grayscale, BitDepth::One, &[0b1010_0000, 0b0100_0000]);
-        assert_eq!(parse_png_image(&one).unwrap().into_labels().unwrap().values(), [1, 0, 1, 0, 0, 0, 0, 0, 0, 1]);
+        assert_eq!(parse_png_image(&one).unwrap(), Raster::Bytes(Image::new(10, 1, vec![1, 0, 1, 0, 0, 0, 0, 0, 0, 1]).unwrap()));
     }
 
     #[test]
-    fn what_is_no_image_of_one_channel_is_refused_with_the_reason() {
+    fn colours_are_read_with_their_opacity_of_8_or_16_bits() {
+        let colours = |values: Vec<[u8; 4]>| Raster::Colours(Image::new(values.len() as u32, 1, values).unwrap());
+        let rgb = png(2, 1, ColorType::Rgb, BitDepth::Eight, &[1, 2, 3, 4, 5, 6]);
+        assert_eq!(parse_png_image(&rgb).unwrap(), colours(vec![[1, 2, 3, 255], [4, 5, 6, 255]]));
+        let rgba = png(1, 1, ColorType::Rgba, BitDepth::Sixteen, &[1, 9, 2, 9, 3, 9, 4, 9]);
+        assert_eq!(parse_png_image(&rgba).unwrap(), colours(vec![[1, 2, 3, 4]]));
+        let grey = png(2, 1, ColorType::GrayscaleAlpha, BitDepth::Eight, &[7, 0, 8, 255]);
+        assert_eq!(parse_png_image(&grey).unwrap(), colours(vec![[7, 7, 7, 0], [8, 8, 8, 255]]));
+    }
+
+    #[test]
+    fn what_is_damaged_is_refused_with_the_reason() {
         let message = |bytes: &[u8]| parse_png_image(bytes).unwrap_err().to_string();
-        assert!(message(&png(1, 1, ColorType::Rgb, BitDepth::Eight, &[1, 2, 3])).contains("Rgb: expected one channel"));
-        assert!(message(&png(1, 1, ColorType::GrayscaleAlpha, BitDepth::Sixteen, &[1, 2, 3, 4])).contains("one channel"));
         assert!(message(b"P5 1 1 255 x").starts_with("PNG: "));
         let good = png(64, 64, ColorType::Grayscale, BitDepth::Sixteen, &[7; 8192]);
         for length in 0..good.len() - 12 {

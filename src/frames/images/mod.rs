@@ -1,4 +1,20 @@
-//! Images in memory: what the readers of files give, and what they mean: depth in metres, or labels.
+//! Images: what the readers of files give (`png_image`, `npy_image`, `tiff_image`, `jpeg_image`), and what it means: `depth` in metres,
+//! `labels` of objects, or the `mask` of one.
+
+mod depth;
+mod jpeg_image;
+mod labels;
+mod mask;
+mod npy_image;
+mod png_image;
+mod tiff_image;
+
+pub use depth::{DepthAlong, DepthUnit, MILLIMETRE, farthest_m, limited, z_of_distances};
+pub use jpeg_image::parse_jpeg_image;
+pub use labels::{ColourLabels, VoidLabels};
+pub use npy_image::parse_npy_image;
+pub use png_image::parse_png_image;
+pub use tiff_image::parse_tiff_image;
 
 use beo_core::text::printable;
 use beo_shapes::FormatError;
@@ -42,39 +58,44 @@ impl<T> Image<T> {
     }
 }
 
-/// An image as its file holds it, one value a pixel.
+/// An image as its file holds it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Raster {
-    /// Up to 8 bits a pixel.
+    /// One channel of up to 8 bits.
     Bytes(Image<u8>),
-    /// Whole numbers up to 65535.
+    /// One channel of 16 bits without sign.
     Words(Image<u16>),
+    /// Whole numbers of another type, whose largest value is `largest`.
+    Integers {
+        /// The numbers.
+        image: Image<i64>,
+        /// Largest value that the file's type can hold.
+        largest: i64,
+    },
     /// Floating-point numbers.
     Floats(Image<f32>),
+    /// Indices into a palette of red, green, blue and opacity; at most 256 colours, and an index may lie beyond them.
+    Indexed {
+        /// The indices.
+        image: Image<u8>,
+        /// The colours.
+        palette: Vec<[u8; 4]>,
+    },
+    /// Red, green, blue and opacity, the higher 8 bits of each.
+    Colours(Image<[u8; 4]>),
+    /// The largest channel of an image whose compression changes values: JPEG.
+    Lossy(Image<u8>),
 }
 
 impl Raster {
-    /// As depth along the optical axis in metres: floating-point numbers as they are, whole numbers times `metres_per_unit`.
-    ///
-    /// # Errors
-    /// Images of 8 bits a pixel: 255 steps of depth are none.
-    pub fn into_depth(self, metres_per_unit: f64) -> Result<Image<f32>, FormatError> {
+    /// Pixels of a row and rows.
+    pub fn size(&self) -> [u32; 2] {
         match self {
-            Self::Bytes(_) => Err(problem("image", "8 bits a pixel: depth needs 16 bits, or floating-point metres".into())),
-            Self::Words(image) => Ok(image.map(|units| (f64::from(units) * metres_per_unit) as f32)),
-            Self::Floats(image) => Ok(image),
-        }
-    }
-
-    /// As the label of the object of each pixel, 0 for none.
-    ///
-    /// # Errors
-    /// Images of floating-point numbers.
-    pub fn into_labels(self) -> Result<Image<u16>, FormatError> {
-        match self {
-            Self::Bytes(image) => Ok(image.map(u16::from)),
-            Self::Words(image) => Ok(image),
-            Self::Floats(_) => Err(problem("image", "floating-point numbers: labels are whole numbers from 0 to 65535".into())),
+            Self::Bytes(image) | Self::Lossy(image) | Self::Indexed { image, .. } => image.size(),
+            Self::Words(image) => image.size(),
+            Self::Integers { image, .. } => image.size(),
+            Self::Floats(image) => image.size(),
+            Self::Colours(image) => image.size(),
         }
     }
 }
@@ -107,19 +128,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_numbers_are_scaled_and_floats_are_metres() {
-        let words = Raster::Words(Image::new(3, 1, vec![0, 1500, u16::MAX]).unwrap());
-        assert_eq!(words.clone().into_depth(0.001).unwrap().values(), [0.0, 1.5, 65.535]);
-        // The PrimeSense convention of 0.1 mm.
-        assert_eq!(words.clone().into_depth(1e-4).unwrap().values(), [0.0, 0.15, 6.5535]);
-        assert_eq!(words.into_labels().unwrap().values(), [0, 1500, u16::MAX]);
-        let floats = Raster::Floats(Image::new(1, 2, vec![0.5, f32::NAN]).unwrap());
-        assert_eq!(floats.clone().into_depth(0.001).unwrap().values()[0], 0.5);
-        assert!(floats.into_labels().unwrap_err().to_string().contains("whole numbers"));
-        let bytes = Raster::Bytes(Image::new(1, 1, vec![7]).unwrap());
-        assert!(bytes.clone().into_depth(0.001).unwrap_err().to_string().contains("16 bits"));
-        assert_eq!(bytes.into_labels().unwrap().values(), [7]);
+    fn an_image_has_a_value_for_each_pixel() {
         assert_eq!(Image::new(2, 2, vec![0; 3]), None);
+        assert_eq!(Image::new(2, 1, vec![0; 2]).unwrap().size(), [2, 1]);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! NumPy arrays of rows × columns as images: floating-point metres, whole numbers of units, labels or masks.
 
-use super::image::{MOST_PIXELS, problem};
-use super::{Image, Raster};
+use super::{Image, MOST_PIXELS, Raster, problem};
 use beo_shapes::{FormatError, check_npy_header};
 use npyz::{Deserialize, NpyFile, NpyHeader, Order, TypeChar};
 
@@ -12,10 +11,10 @@ fn error(text: impl ToString) -> FormatError {
     problem(FORMAT, text.to_string())
 }
 
-/// Reads a two-dimensional array of bool, whole numbers from 0 to 65535 of whatever width, float32 or float64.
+/// Reads a two-dimensional array of bool, whole numbers of whatever width, float32 or float64.
 ///
 /// # Errors
-/// [`FormatError`]: another type or shape, data that do not fit, numbers outside of that range.
+/// [`FormatError`]: another type or shape, data that do not fit.
 pub fn parse_npy_image(bytes: &[u8]) -> Result<Raster, FormatError> {
     check_npy_header(bytes, 2, EXPECTED).map_err(error)?;
     let mut data = bytes;
@@ -40,12 +39,15 @@ pub fn parse_npy_image(bytes: &[u8]) -> Result<Raster, FormatError> {
         (TypeChar::Bool, 1) => Ok(Raster::Bytes(array.read(|value: bool| Some(u8::from(value)))?)),
         (TypeChar::Uint, 1) => Ok(Raster::Bytes(array.read(Some)?)),
         (TypeChar::Uint, 2) => Ok(Raster::Words(array.read(Some)?)),
-        (TypeChar::Uint, 4) => Ok(Raster::Words(array.read(|value: u32| u16::try_from(value).ok())?)),
-        (TypeChar::Uint, 8) => Ok(Raster::Words(array.read(|value: u64| u16::try_from(value).ok())?)),
-        (TypeChar::Int, 1) => Ok(Raster::Bytes(array.read(|value: i8| u8::try_from(value).ok())?)),
-        (TypeChar::Int, 2) => Ok(Raster::Words(array.read(|value: i16| u16::try_from(value).ok())?)),
-        (TypeChar::Int, 4) => Ok(Raster::Words(array.read(|value: i32| u16::try_from(value).ok())?)),
-        (TypeChar::Int, 8) => Ok(Raster::Words(array.read(|value: i64| u16::try_from(value).ok())?)),
+        (TypeChar::Uint, 4) => array.integers(u32::MAX.into(), |value: u32| Some(value.into())),
+        // No image needs more than 63 bits; the largest value of 64 stands for nothing, as i64's does.
+        (TypeChar::Uint, 8) => {
+            array.integers(i64::MAX, |value: u64| if value == u64::MAX { Some(i64::MAX) } else { value.try_into().ok() })
+        }
+        (TypeChar::Int, 1) => array.integers(i8::MAX.into(), |value: i8| Some(value.into())),
+        (TypeChar::Int, 2) => array.integers(i16::MAX.into(), |value: i16| Some(value.into())),
+        (TypeChar::Int, 4) => array.integers(i32::MAX.into(), |value: i32| Some(value.into())),
+        (TypeChar::Int, 8) => array.integers(i64::MAX, Some),
         (TypeChar::Float, 4) => Ok(Raster::Floats(array.read(Some)?)),
         (TypeChar::Float, 8) => Ok(Raster::Floats(array.read(|value: f64| Some(value as f32))?)),
         _ => Err(error(format!("type {}: expected float32, float64, whole numbers or bool", array.header.dtype().descr()))),
@@ -60,6 +62,10 @@ struct Array<'a> {
 }
 
 impl Array<'_> {
+    fn integers<T: Deserialize>(&self, largest: i64, convert: impl Fn(T) -> Option<i64>) -> Result<Raster, FormatError> {
+        Ok(Raster::Integers { image: self.read(convert)?, largest })
+    }
+
     /// Row by row, whatever the order in the file.
     fn read<T: Deserialize, U: Copy>(&self, convert: impl Fn(T) -> Option<U>) -> Result<Image<U>, FormatError> {
         let [width, height] = self.size;
@@ -73,7 +79,7 @@ impl Array<'_> {
         for (index, value) in values.enumerate() {
             let outside = || {
                 let (row, column) = place(index);
-                error(format!("the value of row {row}, column {column} is not within 0 to 65535"))
+                error(format!("the value of row {row}, column {column} is out of range"))
             };
             stored.push(convert(value.map_err(error)?).ok_or_else(outside)?);
         }
@@ -104,14 +110,17 @@ mod tests {
         let words = Raster::Words(Image::new(3, 2, vec![0, 1, 2, 3, 4, 5]).unwrap());
         let bytes = Raster::Bytes(Image::new(3, 2, values.to_vec()).unwrap());
         let floats = Raster::Floats(Image::new(3, 2, vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0]).unwrap());
+        let integers = |largest| Raster::Integers { image: Image::new(3, 2, vec![0, 1, 2, 3, 4, 5]).unwrap(), largest };
         for (descr, data, expected) in [
             ("|u1", values.to_vec(), &bytes),
-            ("|i1", values.to_vec(), &bytes),
+            ("|i1", values.to_vec(), &integers(127)),
             ("<u2", values.iter().flat_map(|v| u16::from(*v).to_le_bytes()).collect(), &words),
             (">u2", values.iter().flat_map(|v| u16::from(*v).to_be_bytes()).collect(), &words),
-            ("<i4", values.iter().flat_map(|v| i32::from(*v).to_le_bytes()).collect(), &words),
-            ("<i8", values.iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect(), &words),
-            ("<u8", values.iter().flat_map(|v| u64::from(*v).to_le_bytes()).collect(), &words),
+            ("<i2", values.iter().flat_map(|v| i16::from(*v).to_le_bytes()).collect(), &integers(32_767)),
+            ("<i4", values.iter().flat_map(|v| i32::from(*v).to_le_bytes()).collect(), &integers(i32::MAX.into())),
+            ("<u4", values.iter().flat_map(|v| u32::from(*v).to_le_bytes()).collect(), &integers(u32::MAX.into())),
+            ("<i8", values.iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect(), &integers(i64::MAX)),
+            ("<u8", values.iter().flat_map(|v| u64::from(*v).to_le_bytes()).collect(), &integers(i64::MAX)),
             ("<f4", values.iter().flat_map(|v| f32::from(*v).to_le_bytes()).collect(), &floats),
             (">f4", values.iter().flat_map(|v| f32::from(*v).to_be_bytes()).collect(), &floats),
             ("<f8", values.iter().flat_map(|v| f64::from(*v).to_le_bytes()).collect(), &floats),
@@ -121,7 +130,7 @@ mod tests {
         // numpy.asfortranarray([[0, 1, 2], [3, 4, 5]]) is stored column by column.
         assert_eq!(parse_npy_image(&file("|u1", "True", "(2, 3)", &[0, 3, 1, 4, 2, 5])).unwrap(), bytes);
         let mask = parse_npy_image(&file("|b1", "False", "(1, 2)", &[0, 1])).unwrap();
-        assert_eq!(mask.into_labels().unwrap().values(), [0, 1]);
+        assert_eq!(mask, Raster::Bytes(Image::new(2, 1, vec![0, 1]).unwrap()));
     }
 
     #[test]
@@ -133,8 +142,8 @@ mod tests {
         assert!(message(&file("<f4", "False", "(0, 3)", &[])).contains("expected 1 to"));
         assert!(message(&file("<f2", "False", "(2, 3)", &[0; 12])).contains("expected float32"));
         assert!(message(&file("<c8", "False", "(1, 1)", &[0; 8])).contains("expected float32"));
-        assert!(message(&file("<i4", "False", "(1, 2)", &[0, 0, 0, 0, 0, 0, 1, 0])).contains("row 0, column 1 is not within"));
-        assert!(message(&file("|i1", "True", "(2, 2)", &[0, 0, 255, 0])).contains("row 0, column 1 is not within"));
+        let beyond = [[0; 16], [255, 255, 255, 255, 255, 255, 255, 254, 0, 0, 0, 0, 0, 0, 0, 0]].concat();
+        assert!(message(&file("<u8", "True", "(2, 2)", &beyond)).contains("row 0, column 1 is out of range"));
         assert!(message(b"\x93NUMPY").contains("truncated"));
     }
 
