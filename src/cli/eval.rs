@@ -221,7 +221,8 @@ impl Eval {
             eprintln!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");
         }
         let read = self.mesh.read_options(model.dims())?;
-        let shapes = shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0, units: Units::None })?;
+        let shapes =
+            shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0, units: Units::None })?;
         let names: Vec<&str> = model.class_names().collect();
         let classes = shapes
             .set

@@ -7,7 +7,7 @@ use beo_core::grid::{Dims, View};
 use beo_core::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
 use beo_core::memory::{self, Available};
 use beo_core::model::{MOST_COMPONENTS, check_place, levels_of, save};
-use beo_core::simulation::{SensorKind, Sensing};
+use beo_core::simulation::{Sensing, SensorKind};
 use beo_shapes::Units;
 use beo_shapes::library::LoadOptions;
 use clap::{Args, ValueEnum};
@@ -283,7 +283,9 @@ impl Train {
         let loaded = start.elapsed();
         let is_metric = shapes.set.lengths_m.is_some();
         if units != Units::None && !is_metric {
-            eprintln!("true sizes are not learned: of some shapes the size is not known (.npy has none, and what `beo align` wrote has lost it)");
+            eprintln!(
+                "true sizes are not learned: of some shapes the size is not known (.npy has none, and what `beo align` wrote has lost it)"
+            );
         }
         let options = TrainOptions {
             views: vec![View::Top],

@@ -444,7 +444,7 @@ mod tests {
         folder
     }
 
-#[test]
+    #[test]
     fn lengths_are_known_in_metres_where_the_unit_is_and_twins_of_another_size_are_kept() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("can/train");
@@ -471,7 +471,7 @@ mod tests {
         }
     }
 
-        fn options(skip_duplicates: bool, minimum: usize) -> LoadOptions {
+    fn options(skip_duplicates: bool, minimum: usize) -> LoadOptions {
         LoadOptions { read: ReadOptions::new(Dims::cube(8).unwrap()), skip_duplicates, minimum, units: Units::None }
     }
 
@@ -559,7 +559,8 @@ mod tests {
             let [low, high] = load(&library, &options, |_| {}).unwrap().set.shapes[0].object.bounds().unwrap();
             (library.placed, high[0] - low[0])
         };
-        let options = LoadOptions { read: ReadOptions::new(Dims::cube(20).unwrap()), skip_duplicates: false, minimum: 0, units: Units::None };
+        let options =
+            LoadOptions { read: ReadOptions::new(Dims::cube(20).unwrap()), skip_duplicates: false, minimum: 0, units: Units::None };
         assert_eq!(extent(options), (false, 16));
         let file = root.join("a.off");
         assert_eq!(options.read.for_file(&file).unwrap(), options.read);

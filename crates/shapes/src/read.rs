@@ -1,6 +1,9 @@
 //! Reading a file as a shape or an observation, whatever its format.
 
-use super::{FormatError, Mesh, ReadError, Up, binvox_scale, parse_binvox, parse_npy, parse_npy_observation, parse_obj, parse_off, parse_ply, parse_stl};
+use super::{
+    FormatError, Mesh, ReadError, Up, binvox_scale, parse_binvox, parse_npy, parse_npy_observation, parse_obj, parse_off, parse_ply,
+    parse_stl,
+};
 use super::{is_placed, longest_side, voxelise, voxelise_unit_cube};
 use beo_core::grid::{Dims, Observation, Occupancy};
 use std::io::Read;

@@ -83,7 +83,8 @@ mod tests {
     fn a_folder_says_its_unit_or_has_none() {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(Units::of_folder(folder.path()).unwrap(), Units::None);
-        for (text, expected) in [("m\n", Units::Metres), ("cm", Units::Centimetres), (" mm ", Units::Millimetres), ("none\n", Units::None)] {
+        for (text, expected) in [("m\n", Units::Metres), ("cm", Units::Centimetres), (" mm ", Units::Millimetres), ("none\n", Units::None)]
+        {
             std::fs::write(folder.path().join(UNITS_FILE), text).unwrap();
             assert_eq!(Units::of_folder(folder.path()).unwrap(), expected);
         }

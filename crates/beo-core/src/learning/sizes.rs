@@ -5,14 +5,14 @@ use crate::model::SizeDensity;
 use nalgebra::{Matrix3, Vector3};
 
 /// Most kinds of a class, and fewest shapes of one.
-const MOST_KINDS: usize = 3;
-const FEWEST_SHAPES: usize = 25;
+const MOST_KINDS: usize = 5;
+const FEWEST_SHAPES: usize = 20;
 /// Least standard deviation of the logarithm of a length: sizes that are sold elsewhere differ at least by so much.
 const LEAST_DEVIATION: f64 = 0.06;
 /// Rounds of the estimation.
 const ROUNDS: usize = 60;
 /// A further kind must raise the mean log density of a shape by so much, nats: what its parameters cost (BIC) and some more.
-const WORTH: f64 = 0.08;
+const WORTH: f64 = 0.04;
 
 /// A mixture.
 pub struct Kinds {

@@ -75,7 +75,14 @@ fn closed(r: &mut Random) -> Solid {
         let edge = r.within(0.02, 0.16) * y;
         let exponent = r.about(6.0, 40.0);
         let ring = |less: f64, z: f64| Ring { half: [x / 2.0 - less, y / 2.0 - less], z, exponent };
-        solid.rings(&[ring(edge, 0.0), ring(0.3 * edge, 0.3 * edge), ring(0.0, edge), ring(0.0, z - edge), ring(0.3 * edge, z - 0.3 * edge), ring(edge, z)]);
+        solid.rings(&[
+            ring(edge, 0.0),
+            ring(0.3 * edge, 0.3 * edge),
+            ring(0.0, edge),
+            ring(0.0, z - edge),
+            ring(0.3 * edge, z - 0.3 * edge),
+            ring(edge, z),
+        ]);
     }
     solid
 }
