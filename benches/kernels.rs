@@ -160,13 +160,13 @@ fn camera(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("camera");
     group.bench_function("plane and placement, 6 objects", |b| b.iter(|| lay_grids(scene.frame(), &options)));
     let laid = lay_grids(scene.frame(), &options);
-    let carvers: Vec<_> = laid.objects.iter().filter_map(|object| object.carver.as_ref().ok()).collect();
+    let carvers: Vec<_> = laid.carvers().filter_map(|(_, carver)| carver.ok()).collect();
     let mut next = in_turn(&carvers);
     group.bench_function("carving, one object", |b| b.iter(|| carve(next.next().unwrap(), &mut voxels)));
     group.bench_function("frame to grids, 6 objects", |b| {
         b.iter(|| {
-            for object in &lay_grids(scene.frame(), &options).objects {
-                carve(object.carver.as_ref().expect("all six are seen"), &mut voxels).unwrap();
+            for (_, carver) in lay_grids(scene.frame(), &options).carvers() {
+                carve(&carver.expect("all six are seen"), &mut voxels).unwrap();
             }
         })
     });

@@ -60,6 +60,23 @@ impl CarvedGrid {
 }
 
 #[cfg(feature = "camera")]
+impl CarvedGrid {
+    /// The same, with what was found out about the object's readings.
+    #[must_use]
+    pub fn with_quality(self, quality: &beo_camera::Quality) -> Self {
+        let bit = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
+        Self {
+            cut: bit(quality.cut.border, crate::codes::cut::BORDER) | bit(quality.cut.occluder, crate::codes::cut::OCCLUDER),
+            share_support: quality.share_support,
+            share_edge: quality.share_edge,
+            share_far: quality.share_far,
+            surface_deviation_m: quality.surface_deviation_m,
+            ..self
+        }
+    }
+}
+
+#[cfg(feature = "camera")]
 impl From<&beo_camera::Grid> for CarvedGrid {
     /// Where the grid lies; of what it holds, nothing is said yet.
     fn from(grid: &beo_camera::Grid) -> Self {

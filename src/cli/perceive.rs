@@ -97,7 +97,13 @@ impl Perceive {
                 Ok(())
             });
             if let Err(failure) = answer {
-                eprintln!("beo: {}: {failure}", file.display());
+                // Errors of reading name the file themselves.
+                let (name, text) = (file.display().to_string(), failure.to_string());
+                if text.contains(&name) {
+                    eprintln!("beo: {text}")
+                } else {
+                    eprintln!("beo: {name}: {text}")
+                }
                 failed += 1;
                 continue;
             }
@@ -122,7 +128,7 @@ impl Perceive {
                     "filtered": false,
                     "cut": [],
                     "hypotheses": percept.hypotheses.iter().map(hypothesis).collect::<Vec<_>>(),
-                    "rotation_spread_rad": percept.spread,
+                    "rotation_spread_rad": percept.rotation_spread_rad,
                     "completion": { "dims": <[usize; 3]>::from(model.dims()), "filled": filled },
                 });
                 say!("{line}");
@@ -133,7 +139,7 @@ impl Perceive {
                 let (name, p) = ranked[0];
                 let pose = match query.pose {
                     PoseSearch::Known => String::new(),
-                    _ => format!(", {}", describe_pose(&percept.rotation, percept.spread)),
+                    _ => format!(", {}", describe_pose(&percept.rotation, percept.rotation_spread_rad)),
                 };
                 say!("{}: {name} {:.1} % ({}){pose}, {filled} voxels filled", file.display(), 100.0 * p, others.join(", "));
             }

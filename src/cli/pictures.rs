@@ -151,7 +151,7 @@ impl Shown {
     ) -> Self {
         let class = names.get(percept.class).copied().unwrap_or("?");
         let p = percept.posterior.get(percept.class).copied().unwrap_or(0.0);
-        let searched = percept.spread > 0.0;
+        let searched = percept.rotation_spread_rad > 0.0;
         Self {
             stem: format!("{number:04}-{}", safe(name)),
             title: format!("{name}: {class} {:.1} %", 100.0 * p),
@@ -163,8 +163,8 @@ impl Shown {
             pose: Some(percept.rotation),
             placement: GridPlacement::default(),
             origin: camera.map(|camera| (camera.into(), "camera".into())),
-            object_box: percept.lay.map(|lay| (percept.placed.shift.into(), lay.extent)),
-            notes: if searched { vec![describe_pose(&percept.rotation, percept.spread)] } else { Vec::new() },
+            object_box: percept.object_box.map(|found| (percept.placed.shift.into(), found.extent_voxels)),
+            notes: if searched { vec![describe_pose(&percept.rotation, percept.rotation_spread_rad)] } else { Vec::new() },
         }
     }
 

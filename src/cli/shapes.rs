@@ -5,7 +5,7 @@ use super::progress;
 use beo_core::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
 use beo_core::simulation::{self, Eye};
 use beo_shapes::library::{self, LoadOptions, Shapes};
-use beo_shapes::{Placing, ReadOptions, Up, longest_side, read_observation, read_shape};
+use beo_shapes::{Close, HOW_TO_CLOSE, Note, Placing, ReadOptions, Up, longest_side, read_observation, read_shape_noted};
 use clap::{Args, ValueEnum};
 use nalgebra::Vector3;
 use std::borrow::Cow;
@@ -17,9 +17,27 @@ pub struct MeshArguments {
     /// Voxels along the longest side of a mesh [default: 24 of 30, in proportion at other resolutions]
     #[arg(long, value_name = "VOXELS")]
     pub longest: Option<usize>,
-    /// The axis of meshes that points up
-    #[arg(long, value_enum, default_value_t = UpArgument::Z)]
-    pub up: UpArgument,
+    /// The axis of shapes that points up, of meshes and voxel files [default: y for glTF and ShapeNet's files, else z]
+    #[arg(long, value_enum)]
+    pub up: Option<UpArgument>,
+    /// How open meshes are filled, which otherwise stay hollow and are named
+    #[arg(long, value_enum)]
+    pub close: Option<CloseArgument>,
+    /// Resample voxel files of other sizes, by volume, their longest side as that of meshes
+    #[arg(long)]
+    pub resample: bool,
+    /// In folders, take point clouds too, as the voxels that hold a point; files named one by one are taken in any case
+    #[arg(long)]
+    pub point_clouds: bool,
+}
+
+/// How open meshes are filled.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum CloseArgument {
+    /// What most rays through it find inside, as if a lid lay on each hole
+    Holes,
+    /// All of the visual hull: what every ray through it meets, hollows included
+    Hull,
 }
 
 /// The axis of meshes that points up.
@@ -39,7 +57,14 @@ impl MeshArguments {
         if longest == 0 || longest > most {
             return Err(Failure::Usage(format!("--longest {longest}: use 1 to {most}, the side of the grid")));
         }
-        Ok(ReadOptions { dims, placing: Placing::LongestSide(longest), up: self.up.up() })
+        let close = match self.close {
+            None => Close::Not,
+            Some(CloseArgument::Holes) => Close::Holes,
+            Some(CloseArgument::Hull) => Close::Hull,
+        };
+        let up = self.up.map(UpArgument::up);
+        let (resample, point_clouds) = (self.resample, self.point_clouds);
+        Ok(ReadOptions { dims, placing: Placing::LongestSide(longest), up, close, resample, point_clouds })
     }
 }
 
@@ -135,9 +160,9 @@ impl ViewArgument {
     /// Reads what a file holds.
     pub fn source(self, path: &Path, options: &ReadOptions, camera: &CameraArguments) -> Result<Source, Failure> {
         match self {
-            ViewArgument::Top => Ok(Source::Above(read_shape(path, &options.for_file(path)?)?)),
+            ViewArgument::Top => Ok(Source::Above(read(path, options)?)),
             ViewArgument::Camera => {
-                let object = read_shape(path, &options.for_file(path)?)?;
+                let object = read(path, options)?;
                 let eye = camera.eye(&object)?;
                 Ok(Source::Camera(object, eye))
             }
@@ -153,6 +178,44 @@ impl ViewArgument {
     /// What lies outside of the grid.
     pub fn outside(self) -> Outside {
         if self == ViewArgument::Camera { Outside::Unknown } else { Outside::Empty }
+    }
+}
+
+/// Reads one file as a shape and says on standard error what should be known about it.
+fn read(path: &Path, options: &ReadOptions) -> Result<Occupancy, Failure> {
+    let options = ReadOptions { point_clouds: true, ..options.for_file(path)? };
+    let reading = read_shape_noted(path, &options)?;
+    for note in &reading.notes {
+        eprintln!("note: {}: {note}", path.display());
+    }
+    Ok(reading.object)
+}
+
+/// Files named in one line.
+const MOST_NAMED: usize = 20;
+
+/// Says once for each kind of note which files it concerns.
+fn say_notes(notes: &[(String, Note)]) {
+    let about = |is_kind: &dyn Fn(&Note) -> bool| -> Option<(usize, String)> {
+        let files: Vec<&str> = notes.iter().filter(|(_, note)| is_kind(note)).map(|(file, _)| file.as_str()).collect();
+        let more = files.len().saturating_sub(MOST_NAMED);
+        let others = if more > 0 { format!(" and {more} more") } else { String::new() };
+        (!files.is_empty()).then(|| (files.len(), files[..files.len() - more].join(", ") + &others))
+    };
+    if let Some((count, files)) = about(&|note| matches!(note, Note::Open { .. })) {
+        eprintln!("warning: {count} meshes are open, so that they are learned hollow ({HOW_TO_CLOSE}): {files}");
+    }
+    if let Some((count, files)) = about(&|note| matches!(note, Note::Closed { .. })) {
+        eprintln!("closed {count} open meshes: {files}");
+    }
+    if let Some((count, files)) = about(&|note| matches!(note, Note::PointCloud { .. })) {
+        eprintln!("warning: {count} point clouds are taken as the voxels that hold a point: {files}");
+    }
+    if let Some((count, files)) = about(&|note| matches!(note, Note::Resampled { .. })) {
+        eprintln!("resampled {count} voxel files of other sizes: {files}");
+    }
+    for (file, note) in notes.iter().filter(|(_, note)| matches!(note, Note::Count(_))).take(MOST_NAMED) {
+        eprintln!("warning: {file}: {note}");
     }
 }
 
@@ -173,6 +236,7 @@ pub fn load(folder: &Path, splits: &[String], options: &LoadOptions) -> Result<S
     for (one, other) in &shapes.shared {
         eprintln!("warning: {one} and {other} are the same shape under two classes; both are kept");
     }
+    say_notes(&shapes.notes);
     let counts = shapes.skip_counts();
     if !shapes.skipped.is_empty() {
         eprintln!(

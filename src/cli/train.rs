@@ -16,10 +16,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Learn a model from a folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder
+/// Learn a model from a folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder, or as ShapeNet and YCB lay
+/// them out
 #[derive(Args)]
 pub struct Train {
-    /// Folder of shapes: .binvox, .npy, .off, .obj, .stl, .ply
+    /// Folder of shapes: .binvox, .npy, .npz, .off, .obj, .stl, .ply, .glb, .gltf
     dir: PathBuf,
     /// Model file to write
     #[arg(long, value_name = "MODEL")]

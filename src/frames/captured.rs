@@ -15,6 +15,8 @@ pub struct CapturedFrame {
     pub camera_to_world: Option<Isometry3<f64>>,
     /// Name of the camera's frame, where it is known.
     pub frame_id: Option<String>,
+    /// Whether there is a label image or masks: where there are none, all labels are 0.
+    pub is_labelled: bool,
     /// Labels of objects that have no pixel at all: their masks are empty, or nearer ones lie over them.
     pub hidden: Vec<u16>,
     /// Metres per unit of the depth image as its file had it.
@@ -59,6 +61,7 @@ impl CapturedFrame {
             labels,
             camera_to_world: None,
             frame_id: None,
+            is_labelled: true,
             hidden: Vec::new(),
             metres_per_unit: 1.0,
             typical_depth_m: None,

@@ -124,7 +124,7 @@ impl Answerer {
             let probability = (h.probability * filtered[h.class] / answer.posterior[h.class].max(f64::MIN_POSITIVE)) as f32;
             *field = Hypothesis { rotation_object_to_grid: quaternion(&h.rotation), class_index: h.class as u32, probability };
         }
-        percept.rotation_spread_rad = answer.spread as f32;
+        percept.rotation_spread_rad = answer.rotation_spread_rad as f32;
         place(&mut percept, answer);
         let beyond = BeyondClass::of(answer);
         (percept.none_probability, percept.fit) = (beyond.none_probability, beyond.fit);
@@ -206,10 +206,10 @@ fn place(percept: &mut Percept, answer: &perception::Percept) {
     let voxel = f64::from(percept.voxel_size_m);
     let metres = |lengths: [f64; 3]| lengths.map(|v| (v * voxel) as f32);
     percept.object_position_m = position(percept.position_m, percept.orientation, &(answer.placed.shift * voxel));
-    if let Some(lay) = &answer.lay {
-        percept.object_extent_m = metres(lay.extent);
-        percept.object_extent_deviation_m = metres(lay.extent_deviation);
-        percept.object_position_deviation_m = metres(lay.position_deviation);
+    if let Some(found) = &answer.object_box {
+        percept.object_extent_m = metres(found.extent_voxels);
+        percept.object_extent_deviation_m = metres(found.extent_deviation_voxels);
+        percept.object_position_deviation_m = metres(found.position_deviation_voxels);
     }
 }
 

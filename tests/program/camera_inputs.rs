@@ -39,6 +39,14 @@ fn twin() -> BTreeMap<String, Vec<u8>> {
     grids
 }
 
+/// The grid of the first object, where no other is labelled: what has no label may be what things stand on.
+fn twin_of_the_first() -> BTreeMap<String, Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    let (depth, labels) = images();
+    write(folder.path(), "a", &depth, &labels.iter().map(|label| u8::from(*label == 1)).collect::<Vec<u8>>());
+    replay(folder.path(), &[]).grids
+}
+
 fn assert_twins(outcome: &Outcome, twin: &BTreeMap<String, Vec<u8>>, what: &str) {
     assert_eq!(outcome.code, Some(0), "{what}: {}{}", outcome.said, outcome.errors);
     assert!(outcome.grids == *twin, "{what}: {:?}\n{}{}", outcome.grids.keys(), outcome.said, outcome.errors);
@@ -67,8 +75,8 @@ fn a_mask_is_one_object_however_it_was_saved() {
     use png::{BitDepth::*, ColorType::*};
     let folder = tempfile::tempdir().unwrap();
     let (depth, labels) = images();
+    let twin = twin_of_the_first();
     write(folder.path(), "a", &depth, &labels);
-    let twin: BTreeMap<_, _> = replay(folder.path(), &[]).grids.into_iter().filter(|(name, _)| name.starts_with("a-1")).collect();
     std::fs::remove_file(folder.path().join("a_label.png")).unwrap();
     let inside: Vec<bool> = labels.iter().map(|label| *label == 1).collect();
     let bytes = |of: &dyn Fn(bool) -> Vec<u8>| inside.iter().flat_map(|inside| of(*inside)).collect::<Vec<u8>>();
@@ -276,7 +284,7 @@ fn foundationpose_s_and_bop_s_folders_are_read_and_hidden_instances_named() {
     save("fp/masks/a.png", &mask(1));
     std::fs::write(folder.path().join("fp/cam_K.txt"), format!("{FOCAL} 0 159.5\n0 {FOCAL} 119.5\n0 0 1\n")).unwrap();
     let outcome = replay(&folder.path().join("fp"), &[]);
-    assert!(outcome.code == Some(0) && outcome.grids["a-1.npy"] == twin["a-1.npy"], "{}{}", outcome.said, outcome.errors);
+    assert!(outcome.code == Some(0) && outcome.grids == twin_of_the_first(), "{}{}", outcome.said, outcome.errors);
 
     save("bop/depth/000000.png", &big);
     for (instance, label) in [(0, 1), (1, 2), (2, 9)] {

@@ -65,7 +65,7 @@ fn every_method_answers_views_and_other_observations() {
                 let percept = answer(&observation, &Query { method, outside, ..told("chair") });
                 assert!((percept.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{method}");
                 assert!(percept.occupancy.iter().chain(&percept.deviation).all(|v| v.is_finite()), "{method}");
-                assert!(!percept.hypotheses.is_empty() && percept.spread.is_finite(), "{method}");
+                assert!(!percept.hypotheses.is_empty() && percept.rotation_spread_rad.is_finite(), "{method}");
                 let error = percept.rotation.angle_to(&truth).to_degrees();
                 assert!(![Method::Auto, Method::Evidence].contains(&method) || error < 15.0, "{method}, {outside:?}: {error}");
             }
@@ -77,7 +77,7 @@ fn every_method_answers_views_and_other_observations() {
 fn nothing_seen_leaves_the_pose_open() {
     let percept = answer(&Observation::unknown(dims()), &query());
     // Mean angle between rotations: π/2 + 2/π.
-    assert!((percept.spread - FRAC_PI_2 - 2.0 / PI).abs() < 0.1, "{}", percept.spread);
+    assert!((percept.rotation_spread_rad - FRAC_PI_2 - 2.0 / PI).abs() < 0.1, "{}", percept.rotation_spread_rad);
     assert!(percept.hypotheses.iter().all(|h| h.probability < 0.01), "{:?}", percept.hypotheses);
     assert!(percept.posterior.iter().all(|p| (p - 0.1).abs() < 1e-9));
 }
@@ -93,7 +93,7 @@ fn a_rotation_prior_decides_between_what_looks_alike() {
         let percept = answer(&observation, &query);
         let error = percept.rotation.angle_to(&expected).to_degrees();
         assert!(error < if concentration > 100.0 { 6.0 } else { 20.0 }, "{quarter}, {concentration}: {error}");
-        assert!(percept.spread < 0.5, "{}", percept.spread);
+        assert!(percept.rotation_spread_rad < 0.5, "{}", percept.rotation_spread_rad);
     }
     // With a floor, what contradicts the prior is still found.
     let rotation = draw_rotation(PoseSearch::Full, 4, 2);

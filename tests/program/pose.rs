@@ -43,7 +43,7 @@ fn the_four_quarter_turns_of_a_square_table_are_hypotheses() {
         of_class.iter().map(|h| ((yaw_of(&h.rotation) - yaw_of(&of_class[0].rotation)) / FRAC_PI_2).round() as i32 & 3).collect();
     quarters.sort_unstable();
     assert_eq!(quarters, [0, 1, 2, 3]);
-    assert!(percept.spread > 0.9 && percept.spread < 1.8, "{}", percept.spread);
+    assert!(percept.rotation_spread_rad > 0.9 && percept.rotation_spread_rad < 1.8, "{}", percept.rotation_spread_rad);
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn what_says_nothing_of_the_pose_leaves_it_open() {
     for (observation, evenness) in [(nothing, 1.01), (View::Top.of(&round), 3.0)] {
         for (method, outside) in [Method::Auto, Method::Evidence].into_iter().flat_map(|m| [(m, Outside::Empty), (m, Outside::Unknown)]) {
             let percept = answer(&observation, &Query { method, outside, ..yaw_query() });
-            assert!((percept.spread - FRAC_PI_2).abs() < 0.5, "{method}: {}", percept.spread);
+            assert!((percept.rotation_spread_rad - FRAC_PI_2).abs() < 0.5, "{method}: {}", percept.rotation_spread_rad);
             let of_class: Vec<f64> =
                 percept.hypotheses.iter().filter(|h| h.class == percept.hypotheses[0].class).map(|h| h.probability).collect();
             let (most, least) = (of_class[0], *of_class.last().unwrap());
@@ -124,7 +124,7 @@ fn a_rotation_prior_decides_between_what_looks_alike_and_a_known_class_is_kept()
         let query = Query { rotation_prior: RotationPrior::around(yaw(expected + 0.1), 20.0), ..yaw_query() };
         let percept = answer(&observation, &query);
         assert!(apart(yaw_of(&percept.rotation), expected) < 0.15, "{} {expected}", yaw_of(&percept.rotation));
-        assert!(percept.spread < 0.3);
+        assert!(percept.rotation_spread_rad < 0.3);
     }
     let only = |class: usize| (0..10).map(|s| if s == class { 0.0 } else { f64::NEG_INFINITY }).collect();
     let percept = answer(&observation, &Query { log_prior: only(3), ..yaw_query() });

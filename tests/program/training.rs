@@ -96,7 +96,7 @@ fn a_flat_folder_is_learned_as_one_class() {
     let refused = train(&["--split", "train"]);
     assert_eq!(refused.status.code(), Some(1));
     let message = text(&refused.stderr);
-    assert!(message.contains("chair is a flat folder of shapes, one class without splits") && message.lines().count() == 1, "{message}");
+    assert!(message.contains("chair is a folder of shapes without splits") && message.lines().count() == 1, "{message}");
 
     let trained = train(&[]);
     assert!(trained.status.success(), "{}", text(&trained.stderr));

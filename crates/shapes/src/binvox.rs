@@ -4,6 +4,7 @@
 //! files store z up that way.
 
 use super::FormatError;
+use super::lines::without_mark;
 use beo_core::grid::{Dims, Occupancy};
 use beo_core::text::printable;
 use std::io::Write;
@@ -57,22 +58,32 @@ pub fn binvox_scale(bytes: &[u8]) -> Result<f64, FormatError> {
 
 /// The grid's size, where the runs start, and the scale.
 fn header(bytes: &[u8]) -> Result<(Dims, usize, f64), FormatError> {
-    let mut start = 0;
+    // All lines end as the first does: what comes after `data` may look like part of a line end.
+    let mut start = bytes.len() - without_mark(bytes).len();
+    let first_end = bytes.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len());
+    let line_end: &[u8] = match &bytes[first_end..] {
+        [b'\r', b'\n', ..] => b"\r\n",
+        [b'\r', ..] => b"\r",
+        _ => b"\n",
+    };
     let mut dims = None;
     let mut scale = 1.0;
     for line in 1.. {
-        let end = bytes[start..].iter().position(|b| *b == b'\n').map(|n| start + n);
+        let end = bytes[start..].windows(line_end.len()).position(|window| window == line_end).map(|n| start + n);
         let Some(end) = end else {
-            return Err(line_error(line, "the header ends without a line `data`"));
+            return Err(line_error(line, "the header ends without a line `data`: the file is incomplete"));
         };
         let text = std::str::from_utf8(&bytes[start..end]).map_err(|_| line_error(line, "not text; is this a binvox file?"))?;
-        start = end + 1;
+        start = end + line_end.len();
         let mut words = text.split_ascii_whitespace();
         let keyword = words.next();
         if line == 1 {
             match (keyword, words.next()) {
                 (Some("#binvox"), Some("1")) => continue,
-                _ => return Err(line_error(1, "expected `#binvox 1`")),
+                (found, _) => {
+                    let found = found.map_or("nothing".into(), |word| printable(word).chars().take(20).collect::<String>());
+                    return Err(line_error(1, format!("expected `#binvox 1`, found `{found}`: is this a binvox file?")));
+                }
             }
         }
         match keyword {
@@ -157,10 +168,21 @@ mod tests {
     }
 
     #[test]
+    fn line_ends_and_a_mark_change_nothing() {
+        let runs = [1, 10, 0, 255, 0, 247];
+        let good = file("8 8 8", &runs);
+        let header = String::from_utf8(good[..good.len() - runs.len()].to_vec()).unwrap();
+        let object = parse_binvox(&good).unwrap();
+        for header in [header.replace('\n', "\r"), header.replace('\n', "\r\n"), format!("\u{feff}{header}")] {
+            assert_eq!(parse_binvox(&[header.as_bytes(), &runs].concat()).as_ref(), Ok(&object), "{header:?}");
+        }
+    }
+
+    #[test]
     fn malformed_files_are_refused_with_the_place() {
         let message = |bytes: &[u8]| parse_binvox(bytes).unwrap_err().to_string();
-        assert_eq!(message(b"#binvox 2\n"), "binvox, line 1: expected `#binvox 1`");
-        assert_eq!(message(b""), "binvox, line 1: the header ends without a line `data`");
+        assert!(message(b"#binvox 2\n").starts_with("binvox, line 1: expected `#binvox 1`"));
+        assert_eq!(message(b""), "binvox, line 1: the header ends without a line `data`: the file is incomplete");
         assert!(message(&file("8 8", &[])).contains("line 2: expected `dim`"));
         assert!(message(&file("99999999999 1 1", &[])).contains("every side must be from 8 to 256"));
         assert!(message(b"#binvox 1\ndata\n").contains("line 2: `data` comes before `dim`"));

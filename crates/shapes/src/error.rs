@@ -89,7 +89,7 @@ pub enum ReadError {
         source: FormatError,
     },
     /// A voxel file has another size than was asked for.
-    #[error("{} is a grid of {found} voxels where {expected} are needed: voxel files are not resampled, use a mesh or another resolution", path.display())]
+    #[error("{} is a grid of {found} voxels where {expected} are needed: --resample brings it to that size, or use another --resolution", path.display())]
     OtherDims {
         /// The file.
         path: PathBuf,
@@ -98,7 +98,48 @@ pub enum ReadError {
         /// The size that was asked for.
         expected: Dims,
     },
+    /// A point cloud, where only shapes with an inside are taken.
+    #[error("{} is a point cloud of {points} points without triangles: --point-clouds takes the voxels that hold one, or make a mesh of it", path.display())]
+    PointCloud {
+        /// The file.
+        path: PathBuf,
+        /// Its points.
+        points: usize,
+    },
+    /// An observation without a filled voxel, though some are empty and some unknown.
+    #[error(
+        "{} holds the values 0 and 255 alone: of an observation these are empty and unknown, and nothing is filled; of a picture's 0 and 255 \
+         make a shape with numpy.save(path, (array > 0)) and leave out --view none",
+        path.display()
+    )]
+    NothingFilled {
+        /// The file.
+        path: PathBuf,
+    },
     /// The folder of the file has an `alignment.json` that cannot be used.
     #[error("{0}")]
     Alignment(#[from] super::AlignmentFileError),
+}
+
+impl ReadError {
+    /// The error without the file's name where it starts with that, for lines that have named it.
+    pub fn without_path(&self) -> String {
+        match self {
+            Self::Malformed { source, .. } => source.to_string(),
+            Self::Open { source, .. } => format!("cannot be read: {source}"),
+            Self::NotAFile { .. } => "not a regular file".into(),
+            other => {
+                let text = other.to_string();
+                let path = match other {
+                    Self::TooLarge { path, .. }
+                    | Self::Extension { path, .. }
+                    | Self::OtherDims { path, .. }
+                    | Self::PointCloud { path, .. }
+                    | Self::NothingFilled { path } => path.display().to_string(),
+                    _ => return text,
+                };
+                text.strip_prefix(&path).map_or(text.clone(), |rest| rest.trim_start_matches([':', ' ']).to_owned())
+            }
+        }
+    }
 }

@@ -1,9 +1,11 @@
 //! A folder of shapes, `DIR/<class>/<split>/*` or flat, `DIR/*`: what is in it, and loading it with what was left out named and counted.
 //!
 //! A flat folder is one class without splits, named after the folder. Where there is any folder `<class>/<split>`, files beside the
-//! class folders are ignored.
+//! class folders are ignored. Folders of models, as ShapeNet and YCB lay them out, have no splits either: `DIR/<class>/<model>/…` has a class
+//! for each synset; `DIR/<model>/…` is one class named after the folder, but each object of YCB is a class of its own.
 
-use super::{ALIGNMENT_FILE, AlignmentFileError, Format, ReadError, ReadOptions, UNITS_FILE, Units, is_placed, read_sized_shape};
+use super::models::{is_ycb, model_of};
+use super::{ALIGNMENT_FILE, AlignmentFileError, Format, Note, ReadError, ReadOptions, UNITS_FILE, Units, is_placed, read_shape_noted};
 use beo_core::grid::Occupancy;
 use beo_core::learning::{Shape, ShapeSet};
 use beo_core::model::{LONGEST_CLASS_NAME, MOST_CLASSES};
@@ -43,7 +45,8 @@ pub struct Library {
 
 /// What a folder of shapes should look like, for messages.
 const LAYOUT: &str = "a folder of shapes looks like DIR/<class>/<split>/<shape>, for example shapes/chair/train/0001.off, \
-or for one class DIR/<shape>, for example pliers/0001.off";
+or for one class DIR/<shape>, for example pliers/0001.off; folders of ShapeNet (DIR/<synset>/<model>/models/model_normalized.obj) and YCB \
+(DIR/<object>/google_16k/nontextured.ply) are taken as they are";
 
 /// A folder that is not a library of shapes, or cannot be learned from.
 #[derive(Debug, thiserror::Error)]
@@ -67,7 +70,7 @@ pub enum LibraryError {
         found: Vec<String>,
     },
     /// A split of a folder that has none.
-    #[error("{} is a flat folder of shapes, one class without splits: there is no split {} in it", root.display(), wanted.join(", "))]
+    #[error("{} is a folder of shapes without splits: there is no split {} in it", root.display(), wanted.join(", "))]
     Flat {
         /// The folder.
         root: PathBuf,
@@ -160,8 +163,45 @@ fn list(path: &Path) -> Result<(BTreeSet<String>, BTreeSet<String>, usize), Libr
     Ok((folders, files, hidden))
 }
 
-/// The splits that exist in any class of the folder, sorted; none in a flat folder.
+/// How a folder lays out its shapes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Layout {
+    /// `DIR/<shape>`: one class.
+    Flat,
+    /// `DIR/<class>/<split>/<shape>`.
+    Splits,
+    /// `DIR/<model>/…`: one class.
+    Models,
+    /// `DIR/<object>/…` of YCB: a class for each.
+    Objects,
+    /// `DIR/<class>/<model>/…`.
+    ClassesOfModels,
+}
+
+fn layout(root: &Path) -> Result<Layout, LibraryError> {
+    let (folders, files, _) = list(root)?;
+    // The first folder with a model in it tells; where there is none, all have been looked at.
+    if let Some(folder) = folders.iter().map(|name| root.join(name)).find(|folder| model_of(folder).is_some()) {
+        return Ok(if is_ycb(&folder) { Layout::Objects } else { Layout::Models });
+    }
+    let mut any_split = false;
+    for class in &folders {
+        let class = root.join(class);
+        let inner = list(&class)?.0;
+        any_split |= !inner.is_empty();
+        if inner.iter().any(|model| model_of(&class.join(model)).is_some()) {
+            return Ok(Layout::ClassesOfModels);
+        }
+    }
+    let has_shapes = files.iter().any(|name| Format::of(Path::new(name)).is_some());
+    Ok(if has_shapes && !any_split { Layout::Flat } else { Layout::Splits })
+}
+
+/// The splits that exist in any class of the folder, sorted; none in a flat folder or a folder of models.
 pub fn splits(root: &Path) -> Result<Vec<String>, LibraryError> {
+    if layout(root)? != Layout::Splits {
+        return Ok(Vec::new());
+    }
     let mut found = BTreeSet::new();
     for class in list(root)?.0 {
         found.extend(list(&root.join(class))?.0);
@@ -169,10 +209,9 @@ pub fn splits(root: &Path) -> Result<Vec<String>, LibraryError> {
     Ok(found.into_iter().collect())
 }
 
-/// Whether the folder is flat: it has shapes, and no folder `<class>/<split>`.
+/// Whether the folder has shapes without splits: files in one folder, or a folder of models.
 pub fn is_flat(root: &Path) -> Result<bool, LibraryError> {
-    let (_, files, _) = list(root)?;
-    Ok(files.iter().any(|name| Format::of(Path::new(name)).is_some()) && splits(root)?.is_empty())
+    Ok(layout(root)? != Layout::Splits)
 }
 
 /// The class of a flat folder: the last part of its path, links and dots resolved.
@@ -189,6 +228,52 @@ impl Library {
         }
         self.classes.push(name);
         Ok(())
+    }
+
+    /// Adds the mesh of a folder that holds one model to the last class; a folder without one is counted.
+    fn add_model(&mut self, folder: &Path, relative_folder: &str) {
+        match model_of(folder) {
+            Some((path, place)) => {
+                self.files.push(ShapeFile { path, relative: format!("{relative_folder}/{place}"), class: self.classes.len() - 1 });
+            }
+            None => self.ignored += 1,
+        }
+    }
+
+    /// Adds the models of a folder of them, by class.
+    fn add_models(&mut self, layout: Layout) -> Result<(), LibraryError> {
+        let root = self.root.clone();
+        let (folders, ..) = list(&root)?;
+        match layout {
+            Layout::ClassesOfModels => {
+                for class in folders {
+                    let (models, ..) = list(&root.join(&class))?;
+                    if models.iter().any(|model| model_of(&root.join(&class).join(model)).is_some()) {
+                        self.add_class(class.clone())?;
+                        models.iter().for_each(|model| self.add_model(&root.join(&class).join(model), &format!("{class}/{model}")));
+                    }
+                }
+            }
+            Layout::Objects => {
+                for object in folders.into_iter().filter(|object| model_of(&root.join(object)).is_some()) {
+                    self.add_class(object.clone())?;
+                    self.add_model(&root.join(&object), &object);
+                }
+            }
+            _ => {
+                let class = name_of(&root)?;
+                self.add_class(class.clone())?;
+                folders.iter().for_each(|model| self.add_model(&root.join(model), &format!("{class}/{model}")));
+            }
+        }
+        self.check_classes()
+    }
+
+    fn check_classes(&self) -> Result<(), LibraryError> {
+        match self.classes.len() {
+            found if found > MOST_CLASSES => Err(LibraryError::TooManyClasses { root: self.root.clone(), found }),
+            _ => Ok(()),
+        }
     }
 
     /// Adds the files of a folder to the last class.
@@ -215,9 +300,14 @@ impl Library {
 pub fn scan(root: &Path, splits: &[&str]) -> Result<Library, LibraryError> {
     let mut library = Library { root: root.into(), classes: Vec::new(), files: Vec::new(), ignored: 0, placed: is_placed(root)? };
     let wanted = || splits.iter().map(|s| s.to_string()).collect();
-    if is_flat(root)? {
+    let layout = layout(root)?;
+    if layout != Layout::Splits {
         if !splits.is_empty() {
             return Err(LibraryError::Flat { root: root.into(), wanted: wanted() });
+        }
+        if layout != Layout::Flat {
+            library.add_models(layout)?;
+            return Ok(library);
         }
         let class = name_of(root)?;
         library.add_class(class.clone())?;
@@ -240,9 +330,7 @@ pub fn scan(root: &Path, splits: &[&str]) -> Result<Library, LibraryError> {
     if library.classes.is_empty() {
         return Err(LibraryError::NoSplit { root: root.into(), wanted: wanted(), found: found.into_iter().collect() });
     }
-    if library.classes.len() > MOST_CLASSES {
-        return Err(LibraryError::TooManyClasses { root: root.into(), found: library.classes.len() });
-    }
+    library.check_classes()?;
     if library.files.is_empty() {
         return Err(LibraryError::NoShape { root: root.into(), wanted: wanted(), ignored: library.ignored });
     }
@@ -282,7 +370,7 @@ pub enum SkipReason {
 impl std::fmt::Display for SkipReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Unreadable(error) => write!(f, "unreadable: {error}"),
+            Self::Unreadable(error) => write!(f, "unreadable: {}", error.without_path()),
             Self::NearlyEmpty { filled: 0 } => write!(f, "empty"),
             Self::NearlyEmpty { filled } => write!(f, "nearly empty: {filled} filled voxels"),
             Self::Duplicate { of } => write!(f, "the same shape as {of}"),
@@ -326,6 +414,8 @@ pub struct Shapes {
     /// Pairs of files of different classes that are the same shape (both kept): the earlier, the later. Only looked for where
     /// duplicates are skipped.
     pub shared: Vec<(String, String)>,
+    /// What should be known of files that were kept, in the same order.
+    pub notes: Vec<(String, Note)>,
 }
 
 impl Shapes {
@@ -349,22 +439,29 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
     let done = AtomicUsize::new(0);
     let reading = if library.placed { options.read.placed() } else { options.read };
     let read = |file: &ShapeFile| {
-        let object = read_sized_shape(&file.path, &reading);
+        let object = read_shape_noted(&file.path, &reading);
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
         object
     };
     let objects: Vec<_> = library.files.par_iter().map(read).collect();
 
-    let mut loaded =
-        Shapes { set: ShapeSet { classes: library.classes.clone(), ..ShapeSet::default() }, skipped: Vec::new(), shared: Vec::new() };
+    let mut loaded = Shapes {
+        set: ShapeSet { classes: library.classes.clone(), ..ShapeSet::default() },
+        skipped: Vec::new(),
+        shared: Vec::new(),
+        notes: Vec::new(),
+    };
     let metres = options.units.metres();
     let mut lengths_m: Vec<Option<[f64; 3]>> = Vec::new();
     // The first shape of each class that has given voxels, and a given size where sizes are learned.
     let mut seen: HashMap<(Occupancy, i64), Vec<usize>> = HashMap::new();
     for (file, object) in library.files.iter().zip(objects) {
         let skip = |reason| Skipped { file: file.relative.clone(), reason };
-        let (object, lengths) = match object {
-            Ok((object, lengths)) => (object, lengths.zip(metres).map(|(lengths, metres)| lengths.map(|length| length * metres))),
+        let (object, lengths, notes) = match object {
+            Ok(reading) => {
+                let lengths = reading.lengths.zip(metres).map(|(lengths, metres)| lengths.map(|length| length * metres));
+                (reading.object, lengths, reading.notes)
+            }
             Err(error) => {
                 loaded.skipped.push(skip(SkipReason::Unreadable(error)));
                 continue;
@@ -389,6 +486,7 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
             twins.push(loaded.set.shapes.len());
         }
         lengths_m.push(lengths);
+        loaded.notes.extend(notes.into_iter().map(|note| (file.relative.clone(), note)));
         loaded.set.shapes.push(Shape { object, class: file.class, file: file.relative.clone() });
     }
 
@@ -530,7 +628,7 @@ mod tests {
         );
 
         let message = scan(&root, &["train", "test"]).unwrap_err().to_string();
-        assert!(message.contains("pliers is a flat folder") && message.contains("no split train, test"), "{message}");
+        assert!(message.contains("pliers is a folder of shapes without splits") && message.contains("no split train, test"), "{message}");
         let long = folder.path().join("p".repeat(32));
         write(&long, "a.binvox", &block(4));
         assert!(matches!(scan(&long, &[]), Err(LibraryError::ClassName { .. })));
@@ -574,6 +672,49 @@ mod tests {
         let message = scan(&root, &[]).unwrap_err().to_string();
         assert!(message.contains("pliers/alignment.json"), "{message}");
         assert!(options.read.for_file(&file).unwrap_err().to_string().contains("pliers/alignment.json"));
+    }
+
+    #[test]
+    fn folders_of_shapenet_and_ycb_are_taken_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let tall = "v 0 0 0\nv 1 0 0\nv 0 9 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+        let write = |relative: &str| {
+            let path = folder.path().join(relative);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, tall).unwrap();
+        };
+        let names = |root: &Path| {
+            let library = scan(root, &[]).unwrap();
+            assert!(splits(root).unwrap().is_empty() && is_flat(root).unwrap());
+            (library.files.iter().map(|f| f.relative.clone()).collect::<Vec<_>>(), library)
+        };
+        write("shapenet/02691156/aa/models/model_normalized.obj");
+        write("shapenet/02691156/bb/models/model_normalized.obj");
+        write("shapenet/02691156/bb/models/model_normalized.solid.binvox");
+        write("shapenet/03001627/cc/models/model_normalized.obj");
+        write("shapenet/taxonomy.json");
+        let (found, library) = names(&folder.path().join("shapenet"));
+        assert_eq!(library.classes, ["02691156", "03001627"]);
+        let expected = ["02691156/aa", "02691156/bb", "03001627/cc"].map(|model| format!("{model}/models/model_normalized.obj"));
+        assert_eq!(found, expected);
+        // y is up in ShapeNet.
+        let loaded = load(&library, &LoadOptions { minimum: 0, ..options(false, 0) }, |_| {}).unwrap();
+        let [low, high] = loaded.set.shapes[0].object.bounds().unwrap();
+        assert!(high[2] - low[2] > 2 * (high[1] - low[1]));
+        // One synset is one class.
+        let (found, library) = names(&folder.path().join("shapenet/02691156"));
+        assert_eq!((library.classes.as_slice(), found.len()), (&["02691156".to_owned()][..], 2));
+
+        write("v1/02691156/aa/model.obj");
+        assert_eq!(names(&folder.path().join("v1")).0, ["02691156/aa/model.obj"]);
+        write("ycb/002_master_chef_can/google_16k/nontextured.ply");
+        write("ycb/002_master_chef_can/google_16k/textured.obj");
+        write("ycb/025_mug/tsdf/textured.obj");
+        let (found, library) = names(&folder.path().join("ycb"));
+        assert_eq!(library.classes, ["002_master_chef_can", "025_mug"]);
+        assert_eq!(found, ["002_master_chef_can/google_16k/nontextured.ply", "025_mug/tsdf/textured.obj"]);
+        let message = scan(&folder.path().join("ycb"), &["train"]).unwrap_err().to_string();
+        assert!(message.contains("there is no split train"), "{message}");
     }
 
     #[test]

@@ -25,8 +25,11 @@ pub enum Up {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
     /// Nothing to voxelise.
-    #[error("the mesh has no triangle")]
+    #[error("the mesh has no triangle: is it the right file, and was a surface exported?")]
     NoTriangle,
+    /// Points without triangles.
+    #[error("a point cloud of {0} points without triangles, where a mesh is needed: make a mesh of it")]
+    PointCloud(usize),
     /// More vertices than an index can name.
     #[error("the mesh has {0} vertices, more than 2³² − 1")]
     TooManyVertices(usize),
@@ -41,13 +44,13 @@ pub enum MeshError {
         vertices: usize,
     },
     /// A coordinate is not a number, infinite, or beyond ±1e100.
-    #[error("vertex {vertex} (counted from 0) has a coordinate that is not a number or is beyond ±1e100")]
+    #[error("vertex {vertex} (counted from 0) has a coordinate that is not a number or is beyond ±1e100: export the mesh again")]
     Coordinate {
         /// The first such vertex.
         vertex: usize,
     },
     /// All triangles lie in one point.
-    #[error("all triangles of the mesh lie in one point")]
+    #[error("all triangles of the mesh lie in one point: it has no size")]
     NoExtent,
 }
 
@@ -60,13 +63,7 @@ impl Mesh {
         if triangles.is_empty() {
             return Err(MeshError::NoTriangle);
         }
-        if vertices.len() > u32::MAX as usize {
-            return Err(MeshError::TooManyVertices(vertices.len()));
-        }
-        let valid = |p: &Point3<f64>| p.iter().all(|c| c.abs() <= LARGEST);
-        if let Some(vertex) = vertices.iter().position(|p| !valid(p)) {
-            return Err(MeshError::Coordinate { vertex });
-        }
+        check_vertices(&vertices)?;
         let mut bounds = [Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3])];
         for (triangle, corners) in triangles.iter().enumerate() {
             for &vertex in corners {
@@ -109,26 +106,66 @@ impl Mesh {
 
     /// The mesh turned so that its `up` axis is z.
     pub fn turned_up(mut self, up: Up) -> Self {
-        if up == Up::Y {
-            let turn = |p: Point3<f64>| Point3::new(p.x, -p.z, p.y);
-            self.vertices.iter_mut().for_each(|p| *p = turn(*p));
-            let [a, b] = self.bounds.map(turn);
-            self.bounds = [a.inf(&b), a.sup(&b)];
-        }
+        up.turn(&mut self.vertices, &mut self.bounds);
         self
     }
 }
 
-/// Collects polygons as triangle fans.
-#[derive(Debug, Default)]
-pub(super) struct Fans(pub Vec<[u32; 3]>);
+/// Points of a surface without triangles, as scanners give them. There is at least one, every coordinate is finite, and they span some space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointCloud {
+    points: Vec<Point3<f64>>,
+    bounds: [Point3<f64>; 2],
+}
 
-impl Fans {
-    /// Adds a polygon: nothing for fewer than three corners (a point or a line).
-    pub fn push(&mut self, polygon: &[u32]) {
-        for pair in polygon.windows(2).skip(1) {
-            self.0.push([polygon[0], pair[0], pair[1]]);
+impl PointCloud {
+    /// A cloud of `points`.
+    pub fn new(points: Vec<Point3<f64>>) -> Result<Self, MeshError> {
+        check_vertices(&points)?;
+        let start = [Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3])];
+        let bounds = points.iter().fold(start, |[low, high], p| [low.inf(p), high.sup(p)]);
+        let spans_space = (bounds[1] - bounds[0]).max() > 0.0;
+        if spans_space { Ok(Self { points, bounds }) } else { Err(MeshError::NoExtent) }
+    }
+
+    /// The points, in the units of the file.
+    pub fn points(&self) -> &[Point3<f64>] {
+        &self.points
+    }
+
+    /// Lower and upper corner of the box around them.
+    pub fn bounds(&self) -> [Point3<f64>; 2] {
+        self.bounds
+    }
+
+    /// The cloud turned so that its `up` axis is z.
+    pub fn turned_up(mut self, up: Up) -> Self {
+        up.turn(&mut self.points, &mut self.bounds);
+        self
+    }
+}
+
+impl Up {
+    /// Turns points, and the box around them, so that this axis becomes z.
+    fn turn(self, points: &mut [Point3<f64>], bounds: &mut [Point3<f64>; 2]) {
+        if self == Self::Y {
+            let turn = |p: Point3<f64>| Point3::new(p.x, -p.z, p.y);
+            points.iter_mut().for_each(|p| *p = turn(*p));
+            let [a, b] = bounds.map(turn);
+            *bounds = [a.inf(&b), a.sup(&b)];
         }
+    }
+}
+
+/// Fails if there are more vertices than an index can name, or one that is not a place.
+pub(super) fn check_vertices(vertices: &[Point3<f64>]) -> Result<(), MeshError> {
+    if vertices.len() > u32::MAX as usize {
+        return Err(MeshError::TooManyVertices(vertices.len()));
+    }
+    let is_place = |p: &Point3<f64>| p.iter().all(|c| c.abs() <= LARGEST);
+    match vertices.iter().position(|p| !is_place(p)) {
+        Some(vertex) => Err(MeshError::Coordinate { vertex }),
+        None => Ok(()),
     }
 }
 
@@ -165,14 +202,5 @@ mod tests {
         assert_eq!(turned.vertices()[2], Point3::new(0.0, 0.0, 2.0));
         assert_eq!(turned.bounds(), [Point3::new(0.0, -3.0, 0.0), Point3::new(1.0, 0.0, 2.0)]);
         assert!((volume(&mesh) - 1.0).abs() < 1e-12 && (volume(&turned) - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn polygons_become_fans() {
-        let mut fans = Fans::default();
-        fans.push(&[7]);
-        fans.push(&[7, 8]);
-        fans.push(&[4, 5, 6, 7, 8]);
-        assert_eq!(fans.0, [[4, 5, 6], [4, 6, 7], [4, 7, 8]]);
     }
 }

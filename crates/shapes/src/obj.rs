@@ -1,75 +1,103 @@
-//! Wavefront OBJ, by `tobj`. Only vertices and faces are read: no materials, normals or texture coordinates.
+//! Wavefront OBJ. Only vertices and faces are read: no materials, normals, texture coordinates or lines. All objects and groups make one
+//! mesh; a file of vertices without faces is a point cloud.
 
-use super::{FormatError, Mesh};
-use beo_core::text::printable;
+use super::lines::{Lines, found, found_index, number, whole, words};
+use super::polygon::{Place, Surface};
+use super::read::Content;
+use super::{FormatError, Mesh, MeshError};
 use nalgebra::Point3;
 
-fn error(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: "OBJ", problem: printable(&problem.into()) }
+const FORMAT: &str = "OBJ";
+
+fn error(line: usize, problem: impl Into<String>) -> FormatError {
+    FormatError::Line { format: FORMAT, line, problem: problem.into() }
 }
 
-/// Reads an OBJ file's bytes; all objects and groups make one mesh.
+/// Reads an OBJ file's bytes as a mesh.
+///
+/// # Errors
+/// [`FormatError`]: a wrong line, with its number; a mesh that cannot be used; no face.
 pub fn parse_obj(bytes: &[u8]) -> Result<Mesh, FormatError> {
-    let text = geometry(bytes)?;
-    // ignore_lines and ignore_points drop faces of fewer than three corners.
-    let options = tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    let no_materials = |_: &std::path::Path| Ok(Default::default());
-    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, no_materials).map_err(|e| error(e.to_string()))?;
-    let mut vertices = Vec::new();
-    let mut triangles = Vec::new();
-    for model in &models {
-        let first = vertices.len();
-        vertices.extend(model.mesh.positions.chunks_exact(3).map(|p| Point3::new(p[0], p[1], p[2]).cast::<f64>()));
-        for t in model.mesh.indices.chunks_exact(3) {
-            let vertex = |v: u32| u32::try_from(first + v as usize).map_err(|_| error("more than 2³² vertices"));
-            triangles.push([vertex(t[0])?, vertex(t[1])?, vertex(t[2])?]);
-        }
-    }
-    Ok(Mesh::new(vertices, triangles)?)
+    read_obj(bytes)?.into_mesh()
 }
 
-/// The lines that matter, as `tobj` reads them: `v` with three numbers and `f`, continued lines joined.
-fn geometry(bytes: &[u8]) -> Result<String, FormatError> {
-    let mut out = String::with_capacity(bytes.len() / 2);
-    let mut joined = String::new();
-    for (number, line) in bytes.split(|b| *b == b'\n').enumerate() {
-        let line = String::from_utf8_lossy(line);
-        let line = line.split('#').next().unwrap_or_default().trim();
-        if let Some(part) = line.strip_suffix('\\') {
-            joined.push_str(part);
-            joined.push(' ');
-            continue;
+/// Reads an OBJ file's bytes.
+pub(super) fn read_obj(bytes: &[u8]) -> Result<Content, FormatError> {
+    // Twice, since faces may name vertices that come after them.
+    let mut vertices = Vec::new();
+    each_statement(bytes, |line, text| {
+        let mut words = words(text);
+        if words.next() == Some(b"v") {
+            let mut coordinate = || {
+                let word = words.next();
+                word.and_then(number).ok_or_else(|| error(line, format!("expected `v` and three finite numbers, {}", found(word))))
+            };
+            vertices.push(Point3::new(coordinate()?, coordinate()?, coordinate()?));
         }
-        joined.push_str(line);
-        let mut words = joined.split_whitespace();
+        Ok(())
+    })?;
+    let mut surface = Surface::new(FORMAT, vertices)?;
+    let (mut so_far, mut polygon) = (0, Vec::new());
+    each_statement(bytes, |line, text| {
+        let mut words = words(text);
         match words.next() {
-            Some("v") => {
-                out.push('v');
-                for _ in 0..3 {
-                    let number_ok = |w: &&str| w.parse::<f32>().is_ok_and(f32::is_finite);
-                    let word = words.next().filter(number_ok).ok_or_else(|| FormatError::Line {
-                        format: "OBJ",
-                        line: number + 1,
-                        problem: "expected `v` and three finite numbers".into(),
-                    })?;
-                    out.push(' ');
-                    out.push_str(word);
+            Some(b"v") => so_far += 1,
+            Some(b"f" | b"fo") => {
+                polygon.clear();
+                for corner in words {
+                    polygon.push(vertex(corner, so_far, surface.vertices()).map_err(|problem| error(line, problem))?);
                 }
-                out.push('\n');
-            }
-            Some("f") => {
-                out.push('f');
-                words.for_each(|corner| {
-                    out.push(' ');
-                    out.push_str(corner.split('/').next().unwrap_or_default());
-                });
-                out.push('\n');
+                if polygon.is_empty() {
+                    return Err(error(line, "expected `f` and the indices of at least three vertices, found nothing more"));
+                }
+                surface.polygon(&polygon, Place::Line(line));
             }
             _ => {}
         }
-        joined.clear();
+        Ok(())
+    })?;
+    if surface.vertices() == 0 {
+        return Err(MeshError::NoTriangle.into());
     }
-    Ok(out)
+    surface.finish()
+}
+
+/// The vertex, counted from 0, that a corner `v`, `v/vt`, `v//vn` or `v/vt/vn` names; below zero from the last vertex so far.
+fn vertex(corner: &[u8], so_far: usize, vertices: usize) -> Result<u32, String> {
+    let word = corner.split(|b| *b == b'/').next().unwrap_or_default();
+    let outside = || {
+        let word = String::from_utf8_lossy(word);
+        format!(
+            "a face names vertex {word}: out of bounds, expected 1 to {vertices}, or -1 to -{so_far} counted back from the last vertex so far"
+        )
+    };
+    match whole::<i64>(word) {
+        None => Err(format!("expected the index of a vertex, {}", found_index(Some(word)))),
+        Some(index) if index > 0 && index as usize <= vertices => Ok((index - 1) as u32),
+        Some(index) if index < 0 && index.unsigned_abs() as usize <= so_far => Ok((so_far - index.unsigned_abs() as usize) as u32),
+        Some(_) => Err(outside()),
+    }
+}
+
+/// Calls `take` with each line, comments cut off and continued lines joined, and the number of its last part.
+fn each_statement(bytes: &[u8], mut take: impl FnMut(usize, &[u8]) -> Result<(), FormatError>) -> Result<(), FormatError> {
+    let mut joined: Vec<u8> = Vec::new();
+    let mut last = 1;
+    for (number, line) in Lines::of(bytes, FORMAT)? {
+        last = number;
+        let line = line.split(|b| *b == b'#').next().unwrap_or_default().trim_ascii();
+        if let Some(part) = line.strip_suffix(b"\\") {
+            joined.extend(part);
+            joined.push(b' ');
+        } else if joined.is_empty() {
+            take(number, line)?;
+        } else {
+            joined.extend(line);
+            take(number, &joined)?;
+            joined.clear();
+        }
+    }
+    if joined.is_empty() { Ok(()) } else { take(last, &joined) }
 }
 
 #[cfg(test)]
@@ -86,18 +114,36 @@ mod tests {
         let corners: Vec<_> = mesh.triangles().iter().map(|t| mesh.corners(*t).map(|p| [p.x, p.y, p.z])).collect();
         let (o, a, b, c, tip) = ([0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]);
         assert_eq!(corners, [[o, a, b], [o, b, c], [o, a, tip]]);
+        for text in [TEXT.replace('\n', "\r"), TEXT.replace('\n', "\r\n"), format!("\u{feff}{TEXT}")] {
+            assert_eq!(parse_obj(text.as_bytes()).as_ref(), Ok(&mesh));
+        }
+    }
+
+    #[test]
+    fn faces_may_come_before_their_vertices() {
+        let mesh = parse_obj(b"f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n").unwrap();
+        assert_eq!(mesh.triangles(), [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn coordinates_are_read_in_double_precision() {
+        let mesh = parse_obj(b"v 4583200.123456 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        assert_eq!(mesh.vertices()[0].x, 4583200.123456);
     }
 
     #[test]
     fn malformed_files_are_refused() {
         let message = |text: &str| parse_obj(text.as_bytes()).unwrap_err().to_string();
-        assert_eq!(message("\nv 0 0 nan\n"), "OBJ, line 2: expected `v` and three finite numbers");
-        assert!(message("v 0 0 0\nf 1 2 3\n").contains("out of bounds"));
+        assert_eq!(message("\nv 0 0 nan\n"), "OBJ, line 2: expected `v` and three finite numbers, found `nan` (not a finite number)");
+        assert!(message("v 0 0\n").contains("found nothing more"));
+        assert!(message("v 0 0 0\n\nf 1 2 3\n").starts_with("OBJ, line 3: a face names vertex 2: out of bounds, expected 1 to 1"));
         assert!(message("v 0 0 0\nf 0 0 0\n").contains("out of bounds"));
         assert!(message("v 0 0 0\nf -9 1 1\n").contains("out of bounds"));
         assert!(message("v 0 0 0\nf -9223372036854775808 1 1\n").contains("out of bounds"));
-        assert!(message("v 0 0 0\nf a b c\n").contains("face parse error"));
+        assert!(message("v 0 0 0\nf a b c\n").contains("expected the index of a vertex, found `a`"));
+        assert!(message("v 0 0 0\nf 1.0 1.0 1.0\n").contains("found `1.0`, which is not a whole number"));
         assert!(message("").contains("no triangle"));
+        assert!(message("v 0 0 0\nv 0 0 1\n").contains("point cloud"));
     }
 
     proptest! {

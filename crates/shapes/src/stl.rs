@@ -1,66 +1,189 @@
-//! STL, text and binary, by `stl_io`.
+//! STL, text and binary. All solids make one mesh; equal corners become one vertex. Normals are not used: they are often wrong, or NaN.
 //!
-//! What is binary is told by the size: many exporters start binary files with `solid` too. Text is brought into the one form
-//! that `stl_io` takes: keywords in lower case, one solid, normals (which are not used, and often NaN) zero.
+//! A file is text if it starts with `solid` and neither has the size of a binary file nor holds a zero byte: many exporters start binary files
+//! with `solid` too. In a binary file the count of triangles must be what its size says. Where it is smaller, and the rest is whole triangles,
+//! all are read, and [`stl_count_note`] says so.
 
-use super::{FormatError, Mesh};
+use super::lines::{Lines, found, number, without_mark, words};
+use super::polygon::{Place, Surface};
+use super::read::Content;
+use super::{FormatError, Mesh, MeshError};
 use beo_core::text::printable;
 use nalgebra::Point3;
-use std::io::Cursor;
+use std::collections::HashMap;
 
+const FORMAT: &str = "STL";
 const HEADER: usize = 84;
 const TRIANGLE: usize = 50;
 
 fn error(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: "STL", problem: printable(&problem.into()) }
+    FormatError::File { format: FORMAT, problem: printable(&problem.into()) }
 }
 
-/// Reads an STL file's bytes; all solids make one mesh.
+/// Reads an STL file's bytes.
+///
+/// # Errors
+/// [`FormatError`]: a wrong line, with its number; a count that does not fit the size; a mesh that cannot be used.
 pub fn parse_stl(bytes: &[u8]) -> Result<Mesh, FormatError> {
-    let declared = bytes.get(80..HEADER).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
-    let expected = declared.map(|n| HEADER + n * TRIANGLE);
-    let starts_as_text = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    let mesh = if starts_as_text && expected != Some(bytes.len()) {
-        stl_io::read_stl(&mut Cursor::new(plain_text(bytes)?))
-    } else {
-        let expected = expected.ok_or_else(|| error("neither `solid` at the start nor the 84 bytes of a binary header"))?;
-        if bytes.len() < expected {
-            let triangles = declared.unwrap_or_default();
-            return Err(error(format!("{triangles} triangles need {expected} bytes, the file has {}", bytes.len())));
-        }
-        // The header's text is blanked, so that stl_io does not take the file for text.
-        let mut binary = bytes[..expected].to_vec();
-        binary[..80].fill(0);
-        stl_io::read_stl(&mut Cursor::new(binary))
-    };
-    let mesh = mesh.map_err(|e| error(e.to_string()))?;
-    let vertices = mesh.vertices.iter().map(|v| Point3::new(v[0], v[1], v[2]).cast::<f64>()).collect();
-    if mesh.vertices.len() > u32::MAX as usize {
-        return Err(error("more than 2³² vertices"));
-    }
-    Ok(Mesh::new(vertices, mesh.faces.iter().map(|f| f.vertices.map(|v| v as u32)).collect())?)
+    read_stl(bytes)?.into_mesh()
 }
 
-fn plain_text(bytes: &[u8]) -> Result<String, FormatError> {
-    let mut out = String::from("solid mesh\n");
-    let mut is_complete = false;
-    for line in bytes.split(|b| *b == b'\n') {
-        let line = String::from_utf8_lossy(line).to_ascii_lowercase();
-        match line.split_whitespace().next() {
-            None | Some("solid") => {}
-            Some("endsolid") => is_complete = true,
-            Some("facet") => out.push_str("facet normal 0 0 0\n"),
-            Some(_) => {
-                out.push_str(line.trim());
-                out.push('\n');
+/// Reads an STL file's bytes.
+pub(super) fn read_stl(bytes: &[u8]) -> Result<Content, FormatError> {
+    if is_text(bytes) { read_text(bytes) } else { read_binary(bytes) }
+}
+
+fn is_text(bytes: &[u8]) -> bool {
+    let starts_as_text = without_mark(bytes).trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    starts_as_text && declared(bytes).is_none_or(|count| HEADER + count * TRIANGLE != bytes.len()) && !bytes.contains(&0)
+}
+
+/// The count of triangles in a binary header.
+fn declared(bytes: &[u8]) -> Option<usize> {
+    bytes.get(80..HEADER).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize)
+}
+
+/// That a binary file holds more triangles than its header says, if it does.
+pub(super) fn stl_count_note(bytes: &[u8]) -> Option<String> {
+    let declared = declared(bytes).filter(|_| !is_text(bytes))?;
+    let rest = bytes.len() - HEADER;
+    let by_size = rest / TRIANGLE;
+    (by_size > declared && rest % TRIANGLE == 0)
+        .then(|| format!("the header says {declared} triangles, the size of the file {by_size}: all {by_size} were read"))
+}
+
+/// Collects corners, each place once.
+#[derive(Default)]
+struct Corners {
+    vertices: Vec<Point3<f64>>,
+    known: HashMap<[u64; 3], u32>,
+}
+
+impl Corners {
+    fn index(&mut self, point: [f64; 3]) -> Result<u32, FormatError> {
+        // −0 and 0 are one place.
+        let next = u32::try_from(self.vertices.len()).map_err(|_| error("more than 2³² vertices: simplify the mesh"))?;
+        let vertices = &mut self.vertices;
+        Ok(*self.known.entry(point.map(|c| (c + 0.0).to_bits())).or_insert_with(|| {
+            vertices.push(Point3::from(point));
+            next
+        }))
+    }
+}
+
+fn read_binary(bytes: &[u8]) -> Result<Content, FormatError> {
+    let declared = declared(bytes).ok_or_else(|| {
+        error(format!("neither `solid` at the start nor the 84 bytes of a binary header: the file has {} bytes", bytes.len()))
+    })?;
+    let rest = bytes.len() - HEADER;
+    let by_size = rest / TRIANGLE;
+    if by_size < declared {
+        let needed = HEADER + declared * TRIANGLE;
+        let problem = format!("{declared} triangles need {needed} bytes, the file has {}: it is incomplete, or no STL file", bytes.len());
+        return Err(FormatError::Byte { format: FORMAT, byte: 80, problem });
+    }
+    if by_size > declared && rest % TRIANGLE != 0 {
+        let problem = format!(
+            "the header says {declared} triangles, after which there are {} bytes more: more than trailing bytes, and no whole triangles of \
+             {TRIANGLE} bytes; export the mesh again",
+            rest - declared * TRIANGLE
+        );
+        return Err(FormatError::Byte { format: FORMAT, byte: 80, problem });
+    }
+    let mut corners = Corners::default();
+    let mut triangles = Vec::with_capacity(by_size);
+    for (t, record) in bytes[HEADER..].chunks_exact(TRIANGLE).enumerate() {
+        let coordinate = |at: usize| f64::from(f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]));
+        let mut triangle = [0; 3];
+        for (n, corner) in triangle.iter_mut().enumerate() {
+            let point = [0, 4, 8].map(|axis| coordinate(12 + 12 * n + axis));
+            if !point.iter().all(|c| c.is_finite()) {
+                let problem =
+                    format!("triangle {t} (counted from 0) has a coordinate that is not a number or infinite: export the mesh again");
+                return Err(FormatError::Byte { format: FORMAT, byte: HEADER + t * TRIANGLE + 12 + 12 * n, problem });
+            }
+            *corner = corners.index(point)?;
+        }
+        triangles.push(triangle);
+    }
+    if triangles.is_empty() {
+        return Err(MeshError::NoTriangle.into());
+    }
+    let mut surface = Surface::new(FORMAT, corners.vertices)?;
+    triangles.into_iter().for_each(|triangle| surface.triangle(triangle));
+    surface.finish()
+}
+
+fn read_text(bytes: &[u8]) -> Result<Content, FormatError> {
+    let mut corners = Corners::default();
+    let mut facets: Vec<(usize, [u32; 3])> = Vec::new();
+    // Facets of more than three corners, which the format does not allow, but which say what they mean.
+    let mut polygons: Vec<(usize, Vec<u32>)> = Vec::new();
+    let mut facet: Vec<u32> = Vec::new();
+    let (mut is_complete, mut last) = (false, 0);
+    for (line, text) in Lines::of(bytes, FORMAT)? {
+        last = line;
+        let wrong = |problem: String| FormatError::Line { format: FORMAT, line, problem };
+        let mut words = words(text);
+        while let Some(word) = words.next() {
+            let mut keyword = word.to_ascii_lowercase();
+            if keyword == b"end" {
+                // `end solid` is `endsolid`.
+                keyword.extend(words.next().unwrap_or_default().to_ascii_lowercase());
+            }
+            match &keyword[..] {
+                // A name follows.
+                b"solid" => break,
+                b"endsolid" => {
+                    is_complete = true;
+                    break;
+                }
+                b"facet" => {
+                    // `normal` and three numbers, which are not used.
+                    words.by_ref().take(4).for_each(drop);
+                }
+                b"outer" => match words.next() {
+                    Some(word) if word.eq_ignore_ascii_case(b"loop") => {}
+                    word => return Err(wrong(format!("expected `outer loop`, {}", found(word)))),
+                },
+                b"vertex" => {
+                    let mut point = [0.0; 3];
+                    for coordinate in &mut point {
+                        let word = words.next();
+                        let problem = || wrong(format!("expected `vertex` and three finite numbers, {}", found(word)));
+                        *coordinate = word.and_then(number).ok_or_else(problem)?;
+                    }
+                    facet.push(corners.index(point)?);
+                }
+                b"endloop" => {}
+                b"endfacet" => {
+                    match facet[..] {
+                        [a, b, c] => facets.push((line, [a, b, c])),
+                        [_, _, _, _, ..] => polygons.push((line, facet.clone())),
+                        _ => return Err(wrong(format!("a facet of {} vertices: expected three lines `vertex`", facet.len()))),
+                    }
+                    facet.clear();
+                }
+                _ => {
+                    return Err(wrong(format!(
+                        "expected solid, facet, outer loop, vertex, endloop, endfacet or endsolid, {}",
+                        found(Some(word))
+                    )));
+                }
             }
         }
     }
-    if !is_complete {
-        return Err(error("the file ends before `endsolid`"));
+    if !is_complete || !facet.is_empty() {
+        let problem = "the file ends before `endsolid`: it is incomplete".into();
+        return Err(FormatError::Line { format: FORMAT, line: last, problem });
     }
-    out.push_str("endsolid mesh\n");
-    Ok(out)
+    if facets.is_empty() && polygons.is_empty() {
+        return Err(MeshError::NoTriangle.into());
+    }
+    let mut surface = Surface::new(FORMAT, corners.vertices)?;
+    facets.into_iter().for_each(|(_, triangle)| surface.triangle(triangle));
+    polygons.iter().for_each(|(line, polygon)| surface.polygon(polygon, Place::Line(*line)));
+    surface.finish()
 }
 
 #[cfg(test)]
@@ -87,9 +210,31 @@ mod tests {
         let text = parse_stl(TEXT.as_bytes()).unwrap();
         let corners: Vec<_> = text.triangles().iter().map(|t| text.corners(*t).map(|p| [p.x, p.y, p.z])).collect();
         assert_eq!(corners, [[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 3.0]], [[0.0; 3], [0.0, 2.0, 3.0], [4.0, 5.0, 6.0]]]);
+        assert_eq!(text.vertices().len(), 4);
         let triangles = [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 3.0], [0.0, 0.0, 0.0, 0.0, 2.0, 3.0, 4.0, 5.0, 6.0]];
         for header in [&b"made by hand"[..], b"solid that is binary"] {
-            assert_eq!(parse_stl(&binary(header, 2, &triangles)).as_ref(), Ok(&text));
+            let good = binary(header, 2, &triangles);
+            assert_eq!(parse_stl(&good).as_ref(), Ok(&text));
+            assert_eq!(stl_count_note(&good), None);
+            // Some bytes at the end, fewer than a triangle's.
+            assert_eq!(parse_stl(&[&good[..], &[1; 49]].concat()).as_ref(), Ok(&text));
+            // The size decides.
+            for count in [0, 1] {
+                let short = binary(header, count, &triangles);
+                assert_eq!(parse_stl(&short).as_ref(), Ok(&text));
+                let note = stl_count_note(&short).unwrap();
+                assert_eq!(note, format!("the header says {count} triangles, the size of the file 2: all 2 were read"));
+            }
+        }
+        for text_variant in [
+            TEXT.replace('\n', "\r"),
+            TEXT.replace("endsolid", "end solid"),
+            TEXT.replace("endloop", "END LOOP"),
+            format!("\u{feff}{TEXT}"),
+            TEXT.replace("\nendsolid second", " endsolid").replace('\n', "\r\n"),
+        ] {
+            assert_eq!(parse_stl(text_variant.as_bytes()).as_ref(), Ok(&text), "{text_variant:?}");
+            assert_eq!(stl_count_note(text_variant.as_bytes()), None);
         }
     }
 
@@ -98,11 +243,22 @@ mod tests {
         let message = |bytes: &[u8]| parse_stl(bytes).unwrap_err().to_string();
         assert!(message(b"").contains("84 bytes"));
         assert!(message(&binary(b"", u32::MAX, &[[1.0; 9]])).contains("4294967295 triangles need 214748364834 bytes"));
-        assert!(message(&binary(b"", 1, &[[f32::NAN; 9]])).contains("not a number"));
+        assert!(message(&binary(b"", 1, &[[f32::NAN; 9]])).starts_with("STL, byte 96: triangle 0"));
         assert!(message(&binary(b"", 0, &[])).contains("no triangle"));
+        let mut odd = binary(b"", 0, &[[1.0; 9]]);
+        odd.push(0);
+        assert!(message(&odd).contains("the header says 0 triangles, after which there are 51 bytes more"));
         assert!(message(b"solid\nfacet normal 0 0 0\n").contains("ends before `endsolid`"));
-        assert!(message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 inf\nendsolid").contains("finite"));
-        assert!(message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0\nendsolid").contains("vertex"));
+        assert!(
+            message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 inf\nendsolid")
+                .contains("line 4: expected `vertex` and three finite")
+        );
+        assert!(message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0\nendsolid").contains("found nothing more"));
+        assert!(
+            message(b"solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 1\nendloop\nendfacet\nendsolid")
+                .contains("line 6: a facet of 1 vertices")
+        );
+        assert!(message(b"solid\nfacets\nendsolid").contains("line 2: expected solid, facet"));
     }
 
     proptest! {

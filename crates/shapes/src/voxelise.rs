@@ -3,7 +3,7 @@
 //! Overlap is the separating axis test of Akenine-Möller, "Fast 3D Triangle-Box Overlap Testing" (2001): a triangle and a box
 //! are apart if and only if one of 13 axes separates them (3 box normals, the triangle's normal, 9 products of edges).
 
-use super::Mesh;
+use super::{Mesh, PointCloud};
 use beo_core::grid::{Dims, Occupancy};
 use nalgebra::{Point3, Vector3};
 
@@ -20,29 +20,66 @@ pub fn voxelise(mesh: &Mesh, dims: Dims, longest: usize) -> Occupancy {
 
 /// The voxels that the surface touches: [`voxelise`] without filling the inside.
 pub fn surface(mesh: &Mesh, dims: Dims, longest: usize) -> Occupancy {
-    let [low, high] = mesh.bounds();
-    let scale = longest as f64 * (1.0 - 1e-6) / (high - low).max();
-    surface_at(mesh, dims, scale, low + (high - low) / 2.0)
+    Frame::fitted(mesh.bounds(), dims, longest).surface(mesh)
 }
 
 /// Voxelises a mesh as it lies in the unit cube about the origin, whose sides are those of the grid (the smallest one of it, where they
 /// differ), as [`voxelise`] fills voxels. What lies outside of the grid is cut off.
 pub fn voxelise_unit_cube(mesh: &Mesh, dims: Dims) -> Occupancy {
-    let side = dims.x().min(dims.y()).min(dims.z()) as f64;
-    let mut object = surface_at(mesh, dims, side, Point3::origin());
+    let mut object = Frame::unit_cube(dims).surface(mesh);
     fill_inside(&mut object);
     object
 }
 
-/// The voxels that the surface touches where `middle` is the grid's centre and a unit takes `scale` voxels.
-fn surface_at(mesh: &Mesh, dims: Dims, scale: f64, middle: Point3<f64>) -> Occupancy {
-    let centre = Vector3::new(dims.x() as f64, dims.y() as f64, dims.z() as f64) / 2.0;
-    let mut object = Occupancy::empty(dims);
-    for &triangle in mesh.triangles() {
-        let corners = mesh.corners(triangle).map(|p| Point3::from((p - middle) * scale + centre));
-        rasterise(&Triangle::new(corners), &mut object);
+/// Where places of a file lie on a grid. All of it is in double precision, and offsets are taken away before anything is scaled.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frame {
+    dims: Dims,
+    /// The place that becomes the grid's centre.
+    middle: Point3<f64>,
+    /// Voxels of a unit of the file.
+    scale: f64,
+}
+
+impl Frame {
+    /// A box in the middle of the grid, `longest` voxels along its longest side.
+    pub fn fitted([low, high]: [Point3<f64>; 2], dims: Dims, longest: usize) -> Self {
+        let scale = longest as f64 * (1.0 - 1e-6) / (high - low).max();
+        Self { dims, middle: low + (high - low) / 2.0, scale }
     }
-    object
+
+    /// The unit cube about the origin.
+    pub fn unit_cube(dims: Dims) -> Self {
+        Self { dims, middle: Point3::origin(), scale: dims.x().min(dims.y()).min(dims.z()) as f64 }
+    }
+
+    /// A place in voxels from the grid's first corner.
+    pub fn place(&self, point: &Point3<f64>) -> Point3<f64> {
+        let centre = Vector3::new(self.dims.x() as f64, self.dims.y() as f64, self.dims.z() as f64) / 2.0;
+        Point3::from((point - self.middle) * self.scale + centre)
+    }
+
+    /// The voxels that the triangles touch.
+    pub fn surface(&self, mesh: &Mesh) -> Occupancy {
+        let mut object = Occupancy::empty(self.dims);
+        for &triangle in mesh.triangles() {
+            rasterise(&Triangle::new(mesh.corners(triangle).map(|p| self.place(&p))), &mut object);
+        }
+        object
+    }
+
+    /// The voxels that hold a point.
+    pub fn points(&self, cloud: &PointCloud) -> Occupancy {
+        let mut object = Occupancy::empty(self.dims);
+        let sides = <[usize; 3]>::from(self.dims);
+        for point in cloud.points() {
+            let place = self.place(point);
+            if (0..3).all(|axis| (0.0..sides[axis] as f64).contains(&place[axis])) {
+                object.fill(place.x as usize, place.y as usize, place.z as usize);
+            }
+        }
+        object
+    }
 }
 
 /// A triangle in voxel units, with what the overlap test needs.
@@ -165,7 +202,7 @@ fn extent_in_slab(triangle: &Triangle, u: usize, v: usize, i: f64) -> Option<(f6
 }
 
 /// Fills every empty voxel that no path of empty voxels (through faces) connects with the grid's border.
-fn fill_inside(object: &mut Occupancy) {
+pub(super) fn fill_inside(object: &mut Occupancy) {
     let dims = object.dims();
     let (nx, ny, nz) = (dims.x(), dims.y(), dims.z());
     // `closed`: filled, or already known to be outside. Runs of open voxels along z are taken at once.

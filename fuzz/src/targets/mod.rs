@@ -21,9 +21,11 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 17] = [
+pub const TARGETS: [Target; 19] = [
     Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
+    Target { name: "npz", run: shapes::npz, seeds: shapes::npz_seeds, most_bytes: shapes::most_bytes_of_archive },
+    Target { name: "gltf", run: shapes::gltf, seeds: shapes::gltf_seeds, most_bytes: shapes::most_bytes_of_scene },
     Target { name: "off", run: shapes::off, seeds: shapes::off_seeds, most_bytes: shapes::most_bytes_of_mesh },
     Target { name: "obj", run: shapes::obj, seeds: shapes::obj_seeds, most_bytes: shapes::most_bytes_of_mesh },
     Target { name: "stl", run: shapes::stl, seeds: shapes::stl_seeds, most_bytes: shapes::most_bytes_of_mesh },

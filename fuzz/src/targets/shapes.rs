@@ -1,7 +1,8 @@
 //! The importers: bytes to a mesh or a grid, meshes to voxels.
 
 use beo_core::grid::{Dims, Observation, Occupancy};
-use beo_shapes::{Content, Format, furniture, longest_side, parse, parse_npy_observation, voxelise, write_binvox, write_npy_observation};
+use beo_shapes::{Content, Format, furniture, longest_side, parse, parse_npy_observation, parse_npz_observation, voxelise};
+use beo_shapes::{write_binvox, write_npy_observation};
 use std::fmt::Write;
 
 /// Voxels along each side of the seeds, and of the grid that meshes are brought to.
@@ -20,6 +21,17 @@ pub fn binvox(data: &[u8]) {
 pub fn npy(data: &[u8]) {
     check(Format::Npy, data);
     let _ = parse_npy_observation(data);
+}
+
+/// An npz file, as a shape and as an observation.
+pub fn npz(data: &[u8]) {
+    check(Format::Npz, data);
+    let _ = parse_npz_observation(data);
+}
+
+/// A glTF or GLB file.
+pub fn gltf(data: &[u8]) {
+    check(Format::Gltf, data);
 }
 
 /// An OFF file.
@@ -50,6 +62,7 @@ fn check(format: Format, data: &[u8]) {
             assert!(mesh.triangles().iter().flatten().all(|vertex| *vertex < count));
             voxelise(&mesh, dims(), longest_side(dims()));
         }
+        Ok(Content::Points(cloud)) => assert!(!cloud.points().is_empty()),
         Err(error) => assert!(!error.to_string().contains(char::is_control), "an error of one line that a terminal can show"),
     }
 }
@@ -59,7 +72,17 @@ pub fn most_bytes_of_voxels(len: usize) -> usize {
     16 * len + (256 * 256 * 256 / 8) + (64 << 10)
 }
 
-/// A small multiple of the file; the PLY parser reserves up to half a megabyte.
+/// As of voxels; what was packed is unpacked, at most the largest grid of bytes, and brought into order.
+pub fn most_bytes_of_archive(len: usize) -> usize {
+    16 * len + 3 * (256 * 256 * 256) + (1 << 20)
+}
+
+/// A small multiple of the file, and what a small file may place again and again: 2¹⁵ vertices and twice as many triangles.
+pub fn most_bytes_of_scene(len: usize) -> usize {
+    256 * len + (8 << 20)
+}
+
+/// A small multiple of the file.
 pub fn most_bytes_of_mesh(len: usize) -> usize {
     64 * len + (1 << 20)
 }
@@ -136,6 +159,73 @@ pub fn obj_seeds() -> Vec<Vec<u8>> {
         text += &line;
     }
     vec![text.into_bytes()]
+}
+
+/// Seeds: the first array of [`npy_seeds`], stored and deflated without compression, beside another member.
+pub fn npz_seeds() -> Vec<Vec<u8>> {
+    let array = &npy_seeds()[0];
+    // One block of RFC 1951 that is stored.
+    let length = array.len() as u16;
+    let mut block = vec![1];
+    block.extend(length.to_le_bytes());
+    block.extend((!length).to_le_bytes());
+    block.extend(array);
+    let archive = |method: u16, packed: &[u8]| {
+        let (mut bytes, mut directory) = (Vec::new(), Vec::new());
+        for (name, method, packed, content) in [("a.txt", 0, &b"a"[..], &b"a"[..]), ("voxels.npy", method, packed, array)] {
+            let at = bytes.len() as u32;
+            let mut common = vec![20, 0, 0, 0];
+            common.extend(method.to_le_bytes());
+            common.extend([0; 4]);
+            common.extend(crc32fast::hash(content).to_le_bytes());
+            common.extend((packed.len() as u32).to_le_bytes());
+            common.extend((content.len() as u32).to_le_bytes());
+            common.extend((name.len() as u16).to_le_bytes());
+            common.extend([0, 0]);
+            bytes.extend([b"PK\x03\x04", &common[..], name.as_bytes(), packed].concat());
+            directory.extend([b"PK\x01\x02\x14\x00", &common[..], &[0; 10], &at.to_le_bytes(), name.as_bytes()].concat());
+        }
+        let (start, size) = ((bytes.len() as u32).to_le_bytes(), (directory.len() as u32).to_le_bytes());
+        [&bytes[..], &directory, b"PK\x05\x06\0\0\0\0\x02\0\x02\0", &size, &start, &[0, 0]].concat()
+    };
+    vec![archive(0, array), archive(8, &block)]
+}
+
+/// Seeds: a text with everything beside it left out, and the binary form.
+pub fn gltf_seeds() -> Vec<Vec<u8>> {
+    let (corners, faces) = boxes();
+    let mut binary: Vec<u8> = corners.iter().flatten().flat_map(|c| (*c as f32).to_le_bytes()).collect();
+    let start = binary.len();
+    let triangles = faces.iter().flat_map(|[a, b, c, d]| [*a, *b, *c, *a, *c, *d]);
+    binary.extend(triangles.flat_map(|corner| (corner as u32).to_le_bytes()));
+    let mut json = serde_json::json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "children": [1], "rotation": [0, 0, 0, 1], "scale": [1, 2, 1] }, { "mesh": 0, "translation": [1, 2, 3] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "mode": 4 }] }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": corners.len(), "type": "VEC3" },
+            { "bufferView": 1, "componentType": 5125, "count": 6 * faces.len(), "type": "SCALAR" },
+        ],
+        "bufferViews": [{ "buffer": 0, "byteLength": start }, { "buffer": 0, "byteOffset": start, "byteLength": binary.len() - start }],
+        "buffers": [{ "byteLength": binary.len() }],
+    })
+    .to_string()
+    .into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut glb = b"glTF".to_vec();
+    for word in [2, (28 + json.len() + binary.len()) as u32, json.len() as u32, 0x4e4f_534a] {
+        glb.extend(word.to_le_bytes());
+    }
+    glb.extend(json);
+    glb.extend((binary.len() as u32).to_le_bytes());
+    glb.extend(*b"BIN\0");
+    glb.extend(binary);
+    let text = br#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":0},"mode":5}]}],
+        "accessors":[{"bufferView":0,"componentType":5121,"count":4,"type":"VEC3","normalized":true}],
+        "bufferViews":[{"buffer":0,"byteLength":12,"byteStride":3}],"buffers":[{"byteLength":12,"uri":"data:;base64,AAAA/wAAAP8AAAD/"}]}"#;
+    vec![glb, text.to_vec()]
 }
 
 /// Seeds.

@@ -1,10 +1,9 @@
 //! The smallest model that can be trained, of made-up furniture.
 
 use beo_core::grid::Dims;
-use beo_core::learning::{FEWEST_SHAPES, TrainOptions, train};
+use beo_core::learning::{FEWEST_SHAPES, Shape, ShapeSet, TrainOptions, train};
 use beo_core::model::{Model, Searched, ViewDensities, load, save};
 use beo_shapes::furniture;
-use beo_shapes::library::{Shape, Shapes};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -37,11 +36,9 @@ fn learned() -> Model {
         class,
         file: format!("{class}/{seed}"),
     };
-    let shapes = Shapes {
+    let shapes = ShapeSet {
         classes: CLASSES.map(String::from).to_vec(),
         shapes: (0..CLASSES.len()).flat_map(|class| (0..FEWEST_SHAPES + 8).map(move |seed| shape(class, seed))).collect(),
-        skipped: Vec::new(),
-        shared: Vec::new(),
     };
     let options = TrainOptions { basis_range: [2, 3], folds: 2, ..TrainOptions::default() };
     let mut model = train(&shapes, &options, &|_| ()).expect("shapes that can be learned");

@@ -1,8 +1,8 @@
 //! Several views of objects that do not move, as one grid for each: every frame is carved in the place that the object's first one had in
 //! the world, and the grids' log-odds are summed.
 
-use super::grids::{BelowSupport, FrameGrids, GridOptions, NoGrid, ObjectGrid, lay_grids};
-use crate::{Carver, Frame, Fusion, FusionError, Grid, GridError, Plane};
+use crate::grids::{FrameGrids, ObjectGrid, ObservedGrid, Quality};
+use crate::{Fusion, FusionError, Grid, GridError, Plane, SensorModel};
 use nalgebra::{Isometry3, Point3};
 use std::collections::BTreeMap;
 
@@ -14,6 +14,7 @@ pub struct FusedObjects {
 
 #[derive(Debug)]
 struct FusedObject {
+    dims: [usize; 3],
     voxel_size_m: f64,
     grid_to_world: Isometry3<f64>,
     /// The support plane in the world.
@@ -22,28 +23,27 @@ struct FusedObject {
 }
 
 impl FusedObjects {
-    /// As [`lay_grids`], but an object that had a grid before has it where it was. `camera_to_world` is where the camera is now.
+    /// Gives every object that had a grid in an earlier frame that grid again, where it was in the world, also where this frame alone
+    /// has none for it. `camera_to_world` is where the camera is now.
     ///
     /// # Errors
     /// [`GridError`] if a grid is so far away that its place is not finite.
-    pub fn lay_grids<'a>(
-        &mut self,
-        frame: Frame<'a>,
-        camera_to_world: &Isometry3<f64>,
-        options: &GridOptions,
-    ) -> Result<FrameGrids<'a>, GridError> {
-        let mut found = lay_grids(frame, options);
-        for ObjectGrid { object, carver } in &mut found.objects {
-            match (self.objects.get(object), &carver) {
-                (Some(known), _) => *carver = Ok(known.carver(frame, *object, camera_to_world, options)?),
-                (None, Ok(carver)) => drop(self.objects.insert(*object, FusedObject::new(carver, camera_to_world))),
-                (None, Err(NoGrid::NoUp { .. } | NoGrid::NoPlace(_))) => {}
+    pub fn keep_places(&mut self, found: &mut FrameGrids, camera_to_world: &Isometry3<f64>) -> Result<(), GridError> {
+        let sensor = found.sensor();
+        for ObjectGrid { object, grid } in &mut found.objects {
+            match (self.objects.get(object), &grid) {
+                (Some(known), now) => {
+                    let now = now.as_ref().ok().copied();
+                    *grid = Ok(known.observed(now, sensor, camera_to_world)?);
+                }
+                (None, Ok(observed)) => drop(self.objects.insert(*object, FusedObject::new(observed, camera_to_world))),
+                (None, Err(_)) => {}
             }
         }
-        Ok(found)
+        Ok(())
     }
 
-    /// Adds what was carved of an object by the last [`Self::lay_grids`], and writes what all frames know in its place.
+    /// Adds what was carved of an object by the last [`Self::keep_places`], and writes what all frames know in its place.
     ///
     /// # Errors
     /// [`FusionError`] if these are not the voxels of a grid of that object.
@@ -60,26 +60,28 @@ impl FusedObjects {
 }
 
 impl FusedObject {
-    fn new(carver: &Carver<'_>, camera_to_world: &Isometry3<f64>) -> Self {
+    fn new(observed: &ObservedGrid, camera_to_world: &Isometry3<f64>) -> Self {
         Self {
-            voxel_size_m: carver.grid.voxel_size_m(),
-            grid_to_world: camera_to_world * carver.grid.grid_to_camera(),
-            support: carver.support.map(|plane| moved(&plane, camera_to_world)),
-            fusion: Fusion::new(carver.grid.voxels()),
+            dims: observed.grid.dims(),
+            voxel_size_m: observed.grid.voxel_size_m(),
+            grid_to_world: camera_to_world * observed.grid.grid_to_camera(),
+            support: observed.support.map(|plane| moved(&plane, camera_to_world)),
+            fusion: Fusion::new(observed.grid.voxels()),
         }
     }
 
-    fn carver<'a>(
+    /// Its grid in a frame; `now` is what that frame alone says.
+    fn observed(
         &self,
-        frame: Frame<'a>,
-        object: u16,
+        now: Option<ObservedGrid>,
+        sensor: SensorModel,
         camera_to_world: &Isometry3<f64>,
-        options: &GridOptions,
-    ) -> Result<Carver<'a>, GridError> {
+    ) -> Result<ObservedGrid, GridError> {
         let world_to_camera = camera_to_world.inverse();
-        let grid = Grid::new(options.dims, self.voxel_size_m, world_to_camera * self.grid_to_world)?;
-        let support = self.support.filter(|_| options.below_support == BelowSupport::Empty);
-        Ok(Carver { frame, object, sensor: options.sensor, support: support.map(|plane| moved(&plane, &world_to_camera)), grid })
+        let grid = Grid::new(self.dims, self.voxel_size_m, world_to_camera * self.grid_to_world)?;
+        let support = self.support.map(|plane| moved(&plane, &world_to_camera));
+        let (sensor, quality) = now.map_or((sensor, Quality::default()), |now| (now.sensor, now.quality));
+        Ok(ObservedGrid { grid, support, sensor, quality })
     }
 }
 

@@ -1,10 +1,19 @@
-//! From a frame to the grids of its objects: the support plane, what is up, and for each object where its grid lies, or why it has none.
+//! The one road from a depth frame to a grid for each of its objects:
+//! supports, segments (the user's masks or the frame's own), own readings, places; carving follows in the caller's memory.
 
-use crate::{Carver, Frame, Placement, PlacementError, Plane, PlaneSearch, Segments, SensorModel};
-use crate::{fit_support_in, place_in, up_axis};
+use crate::carving::{Carver, Grid};
+use crate::consensus::consensus;
+use crate::cut::{Cut, cut};
+use crate::joining::Joint;
+use crate::own_readings::{Scene, own_readings, percentile};
+use crate::placement::{Placement, PlacementError, place_in};
+use crate::rays::Rays;
+use crate::segments::Segments;
+use crate::supports::{SupportSearch, Supports, find_supports, find_table, local_support, only_up};
+use crate::tables::{Segmentation, segment};
+use crate::tracking::SegmentTracks;
+use crate::{Frame, Intrinsics, Plane, SensorModel};
 use nalgebra::{Unit, Vector3};
-#[cfg(feature = "parallel")]
-use rayon::prelude::*;
 
 /// How frames become grids.
 #[derive(Clone, Copy, Debug)]
@@ -15,10 +24,12 @@ pub struct GridOptions {
     pub sensor: SensorModel,
     /// How a grid is laid about an object.
     pub placement: Placement,
-    /// The label of the plane that objects stand on, which then is no object itself; where `None`, or where the frame has no such
-    /// label, the plane is looked for in the pixels without label.
+    /// Where the objects come from.
+    pub segmentation: Segmentation,
+    /// The label of the plane that objects stand on, which then is no object itself. Where it is not given, a label that is a large plane
+    /// under the others is recognised.
     pub support_label: Option<u16>,
-    /// The direction in which things fall, in the camera frame; where it is not known, up is the support plane's normal.
+    /// The direction in which things fall, in the camera frame, where it is known; a plane within 15° of level corrects it.
     pub gravity: Option<Unit<Vector3<f64>>>,
     /// What is known of voxels below the support plane.
     pub below_support: BelowSupport,
@@ -41,6 +52,7 @@ impl GridOptions {
             dims,
             sensor: SensorModel::default(),
             placement: Placement::default(),
+            segmentation: Segmentation::Labels,
             support_label: None,
             gravity: None,
             below_support: BelowSupport::default(),
@@ -64,111 +76,248 @@ pub enum NoGrid {
     NoPlace(#[from] PlacementError),
 }
 
+/// What was found out about an object's readings.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Quality {
+    /// Readings that are the object's own.
+    pub readings: usize,
+    /// Share of the mask's readings that are the support plane's.
+    pub share_support: f64,
+    /// Share that flies between surfaces.
+    pub share_edge: f64,
+    /// Share in pieces that lie apart.
+    pub share_far: f64,
+    /// Standard deviation of the surface after consensus, metres.
+    pub surface_deviation_m: f64,
+    /// What cuts it off.
+    pub cut: Cut,
+}
+
+/// A grid about an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObservedGrid {
+    /// Where it lies.
+    pub grid: Grid,
+    /// The plane that the object stands on.
+    pub support: Option<Plane>,
+    /// How far the surface may be from the truth, after consensus.
+    pub sensor: SensorModel,
+    /// What was found out about the readings.
+    pub quality: Quality,
+}
+
 /// One object of a frame.
 #[derive(Clone, Debug)]
-pub struct ObjectGrid<'a> {
+pub struct ObjectGrid {
     /// Its label.
     pub object: u16,
-    /// What carves its grid, or why there is none.
-    pub carver: Result<Carver<'a>, NoGrid>,
+    /// Its grid, or why there is none.
+    pub grid: Result<ObservedGrid, NoGrid>,
 }
 
 /// What was found in a frame.
 #[derive(Clone, Debug)]
-pub struct FrameGrids<'a> {
-    /// The plane that the objects stand on.
-    pub support: Option<Plane>,
+pub struct FrameGrids {
+    intrinsics: Intrinsics,
+    depth: Vec<f32>,
+    labels: Vec<u16>,
+    segments: Option<Vec<u16>>,
+    sensor: SensorModel,
+    below_support: BelowSupport,
+    /// What is up in the camera frame.
+    pub up: Option<Unit<Vector3<f64>>>,
+    /// Planes that objects stand on, the main one first.
+    pub supports: Vec<Plane>,
+    /// Labels that are a support and no object.
+    pub support_labels: Vec<u16>,
+    /// How far the given direction up was from the plane's normal, radians, where one corrected it.
+    pub corrected_rad: Option<f64>,
     /// Every object that has a pixel, ascending by label.
-    pub objects: Vec<ObjectGrid<'a>>,
+    pub objects: Vec<ObjectGrid>,
 }
 
-/// Finds the support plane and lays a grid about every object. Nothing is carved yet: see [`crate::carve`].
-pub fn lay_grids<'a>(frame: Frame<'a>, options: &GridOptions) -> FrameGrids<'a> {
-    let segments = Segments::new(&frame);
-    let support = find_support(&frame, &segments, options);
-    let up = up_axis(options.gravity.map(Unit::into_inner), support.as_ref());
-    let objects: Vec<u16> = segments.objects(options.support_label).collect();
-    let lay = |object: u16| {
-        let up = up.as_ref().ok_or(NoGrid::NoUp { object })?;
-        let grid = place_in(&frame, &segments, object, up, support.as_ref(), &options.sensor, options.dims, &options.placement)?;
-        let support = support.filter(|_| options.below_support == BelowSupport::Empty);
-        Ok(Carver { frame, object, sensor: options.sensor, support, grid })
-    };
-    #[cfg(feature = "parallel")]
-    let objects = objects.into_par_iter();
-    #[cfg(not(feature = "parallel"))]
-    let objects = objects.into_iter();
-    let objects = objects.map(|object| ObjectGrid { object, carver: lay(object) }).collect();
-    FrameGrids { support, objects }
+impl FrameGrids {
+    /// Pixels of a row and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.intrinsics.width(), self.intrinsics.height()].map(|side| side as usize)
+    }
+
+    /// The frame's own label image, where it was segmented by what stands on a table, before anything was taken away.
+    pub fn segments(&self) -> Option<&[u16]> {
+        self.segments.as_deref()
+    }
+
+    /// How far single readings may be from the surface.
+    pub fn sensor(&self) -> SensorModel {
+        self.sensor
+    }
+
+    /// The readings that the grids are carved from, metres, row by row: without those that fly between surfaces.
+    pub fn depth(&self) -> &[f32] {
+        &self.depth
+    }
+
+    /// The object that each of these readings belongs to; 0: none.
+    pub fn labels(&self) -> &[u16] {
+        &self.labels
+    }
+
+    /// Every object with what carves its grid, or why it has none; ascending by label.
+    pub fn carvers(&self) -> impl Iterator<Item = (u16, Result<Carver<'_>, &NoGrid>)> {
+        self.objects.iter().map(|object| (object.object, object.grid.as_ref().map(|observed| self.carver(object.object, observed))))
+    }
+
+    /// What carves a grid of this frame.
+    pub fn carver(&self, object: u16, observed: &ObservedGrid) -> Carver<'_> {
+        let frame = Frame::new(&self.intrinsics, &self.depth, &self.labels).expect("the images have the camera's size");
+        let support = observed.support.filter(|_| self.below_support == BelowSupport::Empty);
+        Carver { frame, object, sensor: observed.sensor, support, grid: observed.grid }
+    }
 }
 
-fn find_support(frame: &Frame<'_>, segments: &Segments, options: &GridOptions) -> Option<Plane> {
-    let label = options.support_label.filter(|label| !segments.pixels(*label).is_empty());
-    let up = options.gravity.map(|gravity| -gravity);
-    fit_support_in(frame, segments, &PlaneSearch { label, up, sensor: options.sensor })
+/// The grids of one frame by itself: see [`Observer::observe`], which keeps what lasts from frame to frame.
+pub fn lay_grids(frame: Frame<'_>, options: &GridOptions) -> FrameGrids {
+    Observer::new(*options).observe(&frame)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Intrinsics;
+/// The middle depth of some pixels, metres.
+fn middle_depth(depth: &[f32], pixels: &[u32]) -> f64 {
+    let some: Vec<f32> = pixels.iter().step_by(pixels.len().div_ceil(400).max(1)).map(|pixel| depth[*pixel as usize]).collect();
+    f64::from(percentile(&some, 0.5))
+}
 
-    /// A camera that looks straight down on a table at 0.8 m, with a slab of label 1 that is 0.01 m high, seen in 20 × 20 pixels, three
-    /// pixels of label 2, and label 9 on the table.
-    fn images() -> (Intrinsics, Vec<f32>, Vec<u16>) {
-        let camera = Intrinsics::new(80, 60, [70.0; 2], [39.5, 29.5], [0.0; 5]).unwrap();
-        let inside = |pixel: usize| (30..50).contains(&(pixel % 80)) && (20..40).contains(&(pixel / 80));
-        let depth = (0..4800).map(|pixel| if inside(pixel) { 0.79 } else { 0.8 }).collect();
-        let labels = (0..4800).map(|pixel| if inside(pixel) { 1 } else { u16::from(pixel < 3) * 2 }).collect();
-        (camera, depth, labels)
+/// Turns frames into grids; keeps what lasts from frame to frame.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    options: GridOptions,
+    rays: Option<Rays>,
+    state: Vec<u8>,
+    tracks: SegmentTracks,
+}
+
+impl Observer {
+    /// With these options.
+    pub fn new(options: GridOptions) -> Self {
+        Self { options, rays: None, state: Vec::new(), tracks: SegmentTracks::default() }
     }
 
-    fn options() -> GridOptions {
-        GridOptions::new([16; 3])
+    /// The options.
+    pub fn options(&self) -> &GridOptions {
+        &self.options
     }
 
-    #[test]
-    fn every_object_has_a_grid_or_a_reason() {
-        let (camera, depth, labels) = images();
-        let laid = lay_grids(Frame::new(&camera, &depth, &labels).unwrap(), &options());
-        assert!((laid.support.unwrap().height(&nalgebra::Point3::origin()) - 0.8).abs() < 1e-6);
-        let [block, few] = &laid.objects[..] else { panic!("{:?}", laid.objects) };
-        assert_eq!((block.object, few.object), (1, 2));
-        // Between 0.79 and 0.8 m, as wide as 19 pixels at 0.79 m, of which the grid is 3/2.
-        let grid = block.carver.as_ref().unwrap().grid;
-        assert!((grid.grid_to_camera().translation.vector - Vector3::new(0.0, 0.0, 0.795)).norm() < 1e-6);
-        assert!((grid.voxel_size_m() - 0.79 * 19.0 / 70.0 * 1.5 / 16.0).abs() < 1e-6);
-        assert!(matches!(few.carver, Err(NoGrid::NoPlace(PlacementError::TooFew { object: 2, found: 3, least: 40 }))));
+    /// Where the objects of the next frames come from.
+    pub fn segment_by(&mut self, segmentation: Segmentation) {
+        self.options.segmentation = segmentation;
     }
 
-    #[test]
-    fn the_support_label_is_the_plane_and_no_object() {
-        let (camera, depth, mut labels) = images();
-        labels.iter_mut().filter(|label| **label == 0).for_each(|label| *label = 9);
-        let frame = Frame::new(&camera, &depth, &labels).unwrap();
-        let laid = lay_grids(frame, &options());
-        assert_eq!((laid.support, laid.objects.len()), (None, 3));
-        let reasons: Vec<String> = laid.objects.iter().map(|o| o.carver.as_ref().unwrap_err().to_string()).collect();
-        assert!(reasons.iter().all(|reason| reason.contains("--gravity") && reason.contains("--support-label")), "{reasons:?}");
-        let laid = lay_grids(frame, &GridOptions { support_label: Some(9), ..options() });
-        assert!(laid.support.is_some() && laid.objects.len() == 2 && laid.objects[0].carver.is_ok());
-        // Gravity alone says what is up; below the plane, nothing is known then.
-        let gravity = Some(Vector3::z_axis());
-        let laid = lay_grids(frame, &GridOptions { gravity, ..options() });
-        assert!(laid.support.is_none() && laid.objects[0].carver.as_ref().is_ok_and(|carver| carver.support.is_none()));
+    fn prepare(&mut self, intrinsics: &Intrinsics) -> Rays {
+        match self.rays.take() {
+            Some(rays) if rays.intrinsics() == intrinsics => rays,
+            _ => Rays::new(intrinsics),
+        }
     }
 
-    #[test]
-    fn what_is_below_the_plane_is_empty_unless_it_is_asked_to_be_unknown() {
-        let (camera, depth, labels) = images();
-        let frame = Frame::new(&camera, &depth, &labels).unwrap();
-        let below = |below_support| {
-            let laid = lay_grids(frame, &GridOptions { below_support, ..options() });
-            let mut voxels = vec![9; 4096];
-            crate::carve(laid.objects[0].carver.as_ref().unwrap(), &mut voxels).unwrap();
-            // The middle of the lowest layer, under the block.
-            voxels[(8 * 16 + 8) * 16]
+    /// The label image of a frame without masks: each object that stands on a plane has a label from 1 on, the one that it had in the
+    /// frame before; all are 0 where there is no plane. `depth` has a value for each pixel of the camera, metres.
+    pub fn segment_table(&mut self, intrinsics: &Intrinsics, depth: &[f32]) -> Vec<u16> {
+        let rays = self.prepare(intrinsics);
+        let depth = rays.readings(depth);
+        let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
+        let supports = find_table(&rays, &depth, &self.options.sensor, &search);
+        let mut labels = match &supports {
+            Some(supports) => segment(&rays, &depth, &self.options.sensor, supports),
+            None => vec![0; depth.len()],
         };
-        assert_eq!((below(BelowSupport::Empty), below(BelowSupport::Unknown)), (crate::EMPTY, crate::UNKNOWN));
+        self.tracks.renumber(&rays, &depth, &mut labels);
+        self.rays = Some(rays);
+        labels
+    }
+
+    /// Finds the supports, the objects and their own readings, and lays a grid about each. Nothing is carved yet: see
+    /// [`FrameGrids::carver`].
+    pub fn observe(&mut self, frame: &Frame<'_>) -> FrameGrids {
+        let options = self.options;
+        let segments = match options.segmentation {
+            Segmentation::Labels => None,
+            Segmentation::Table => Some(self.segment_table(frame.intrinsics(), frame.depths())),
+        };
+        let labels = segments.as_deref().unwrap_or(frame.labels());
+        let rays = self.prepare(frame.intrinsics());
+        let mut depth = rays.readings(frame.depths());
+        self.state.resize(depth.len(), 0);
+        let masked = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
+        let scene = Scene { rays: &rays, depth: &depth, labels, sensor: &options.sensor, joint: Joint::new(&rays, &options.sensor) };
+        let search = SupportSearch {
+            up: options.gravity.map(|gravity| -gravity),
+            label: options.support_label.filter(|label| !masked.pixels(*label).is_empty()),
+        };
+        let masks: Vec<(u16, &[u32])> = masked.objects(search.label).map(|object| (object, masked.pixels(object))).collect();
+        let supports = find_supports(&scene, &masks, &search).or_else(|| only_up(&search));
+        let support_labels = supports.as_ref().map_or_else(Vec::new, |supports| supports.labels.clone());
+        let mut cleaned = vec![0; depth.len()];
+        let mut flying = Vec::new();
+        let mut found = Vec::new();
+        for (object, mask) in masks.iter().filter(|(object, _)| support_labels.binary_search(object).is_err()) {
+            let local = supports.as_ref().and_then(|supports| local_support(&scene, mask, supports));
+            let readings = own_readings(&scene, mask, local.as_ref(), options.placement.least_readings.max(1), &mut self.state);
+            readings.pixels.iter().for_each(|pixel| cleaned[*pixel as usize] = *object);
+            flying.extend_from_slice(&readings.flying);
+            let quality = Quality {
+                readings: readings.pixels.len(),
+                share_support: readings.share_support,
+                share_edge: readings.share_edge,
+                share_far: readings.share_far,
+                ..Quality::default()
+            };
+            found.push((*object, local, quality));
+        }
+        flying.iter().for_each(|pixel| depth[*pixel as usize] = 0.0);
+        let up = supports.as_ref().map(|supports| supports.up);
+        let joint = Joint::new(&rays, &options.sensor);
+        let mut objects = Vec::with_capacity(found.len());
+        let own = Segments::new(&Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size"));
+        let mut smooth = depth.clone();
+        for (object, local, mut quality) in found {
+            let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
+            let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
+                let up = up.ok_or(NoGrid::NoUp { object })?;
+                let support = local.as_ref().map(|local| &local.plane);
+                Ok(place_in(&clean, &own, object, &up, support, &options.sensor, options.dims, &options.placement)?)
+            };
+            let grid = lay(up).map(|grid| {
+                let pixels = own.pixels(object);
+                let middle = middle_depth(&depth, pixels);
+                let mut sensor = options.sensor;
+                // Where the voxels are coarser than the noise, there is nothing to gain.
+                if sensor.half_band(middle) > 0.5 * grid.voxel_size_m() {
+                    let (z, left) = consensus(&depth, &cleaned, rays.width(), &joint, pixels);
+                    pixels.iter().zip(z).for_each(|(pixel, z)| smooth[*pixel as usize] = z);
+                    (sensor.constant_m, sensor.quadratic_per_m) = (sensor.constant_m * left, sensor.quadratic_per_m * left);
+                }
+                quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, pixels);
+                quality.surface_deviation_m = sensor.deviation(middle);
+                ObservedGrid { grid, support: local.map(|local| local.plane), sensor, quality }
+            });
+            objects.push(ObjectGrid { object, grid });
+        }
+        let depth = smooth;
+        let (supports, corrected_rad) = supports
+            .map_or_else(|| (Vec::new(), None), |found: Supports| (found.planes.iter().map(|p| p.plane).collect(), found.corrected_rad));
+        let grids = FrameGrids {
+            intrinsics: *frame.intrinsics(),
+            depth,
+            labels: cleaned,
+            segments,
+            sensor: options.sensor,
+            below_support: options.below_support,
+            up,
+            supports,
+            support_labels,
+            corrected_rad,
+            objects,
+        };
+        self.rays = Some(rays);
+        grids
     }
 }

@@ -134,8 +134,8 @@ impl Lens {
         for i in 1..=STEPS {
             let r = widest * f64::from(i) / f64::from(STEPS);
             let seen = self.radius(r);
-            // Written so that NaN, as of a denominator of 0, ends it too.
-            if !(seen > last) {
+            // NaN, as of a denominator of 0, ends it too.
+            if seen.is_nan() || seen <= last {
                 return (widest * f64::from(i - 1) / f64::from(STEPS)).powi(2);
             }
             last = seen;
@@ -169,8 +169,8 @@ fn angle([k1, k2, k3, k4]: [f64; 4], theta: f64) -> f64 {
 fn undistort_fisheye(k: [f64; 4], [x, y]: [f64; 2], reach2: f64) -> Option<[f64; 2]> {
     let seen = x.hypot(y);
     let (mut low, mut high) = (0.0, reach2.sqrt().atan());
-    // Written so that NaN has no inverse.
-    if !(seen <= angle(k, high)) {
+    // NaN has no inverse.
+    if seen.is_nan() || seen > angle(k, high) {
         return None;
     }
     let [k1, k2, k3, k4] = k;

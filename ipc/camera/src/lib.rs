@@ -9,7 +9,12 @@
 //! | `support` | the plane that objects stand on, and what is up |
 //! | `placement` | where the grid of an object lies and how big it is |
 //! | `carving` | which voxels are filled, empty, unknown |
-//! | `grids` | from a frame to the grids of all its objects |
+//! | `rays`, `blocks` | directions of the pixels; small flat squares of the image |
+//! | `planes`, `supports` | the planes of a frame; those that objects stand on, and what is up |
+//! | `tables`, `tracking` | objects without masks: what stands on a plane; their numbers from frame to frame |
+//! | `joining`, `own_readings` | which neighbours lie on one surface; which readings of a mask are the object's own |
+//! | `consensus`, `cut` | the surface by neighbouring readings; what cuts an object off |
+//! | `grids` | the one road, from a frame to the grids of all its objects |
 //! | `parallel` | a grid carved by all threads (feature `parallel`) |
 //! | `fusion` | several carved grids of one object in one |
 //! | `fused` | several views of all objects, none of which moves |
@@ -18,24 +23,35 @@
 //! by a driver. Frames: the camera frame is the optical one (x right, y down, z along the optical axis; metres), pixels count from the
 //! centre of the first one; a grid's frame has its origin at the grid's centre, axes along the indices, z up.
 
+mod blocks;
 mod carving;
+mod consensus;
+mod cut;
 mod frame;
 mod fused;
 mod fusion;
 mod grids;
 mod intrinsics;
+mod joining;
 mod lens;
+mod own_readings;
 mod parallel;
 mod placement;
+mod planes;
+mod rays;
 mod segments;
 mod sensor;
 mod support;
+mod supports;
+mod tables;
+mod tracking;
 
 pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};
+pub use cut::Cut;
 pub use frame::{Frame, FrameError};
 pub use fused::FusedObjects;
 pub use fusion::{Fusion, FusionError};
-pub use grids::{BelowSupport, FrameGrids, GridOptions, NoGrid, ObjectGrid, lay_grids};
+pub use grids::{BelowSupport, FrameGrids, GridOptions, NoGrid, ObjectGrid, ObservedGrid, Observer, Quality, lay_grids};
 pub use intrinsics::{Intrinsics, IntrinsicsError};
 pub use lens::Lens;
 pub use parallel::carve;
@@ -43,3 +59,4 @@ pub use placement::{Placement, PlacementError, place, place_in};
 pub use segments::Segments;
 pub use sensor::{SensorModel, SensorModelError};
 pub use support::{Plane, PlaneSearch, fit_support, fit_support_in, up_axis};
+pub use tables::Segmentation;

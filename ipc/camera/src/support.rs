@@ -24,6 +24,11 @@ impl Plane {
         self.normal
     }
 
+    /// Height of the origin, metres: of a support plane, how far the camera is above it.
+    pub fn offset(&self) -> f64 {
+        self.offset
+    }
+
     /// Signed distance of a point, metres; positive on the side of the normal.
     #[inline]
     pub fn height(&self, point: &Point3<f64>) -> f64 {

@@ -8,8 +8,8 @@ use crate::cli::shapes::UpArgument;
 use beo_core::grid::{Dims, Occupancy, Rotation, to_xyzw};
 use beo_shapes::alignment::{self, Congealed, Settings, Similarity, Solid, grid_point};
 use beo_shapes::library::{self, Library, ShapeFile};
-use beo_shapes::{ALIGNMENT_FILE, AlignedClass, AlignedFile, Alignment, Content, Format, ReadError, Up};
-use beo_shapes::{parse, read_bytes, write_binvox, write_off};
+use beo_shapes::{ALIGNMENT_FILE, AlignedClass, AlignedFile, Alignment, Content, Format, MeshError, ReadError, Up};
+use beo_shapes::{read_content, usual_up, write_binvox, write_off};
 use clap::Args;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 /// any resolution: beo train OUT --out MODEL.
 #[derive(Args)]
 pub struct Align {
-    /// Folder of shapes: .binvox, .npy, .off, .obj, .stl, .ply
+    /// Folder of shapes: .binvox, .npy, .npz, .off, .obj, .stl, .ply, .glb, .gltf
     dir: PathBuf,
     /// Folder to write to; it must be new or empty
     #[arg(long, value_name = "DIR")]
@@ -33,9 +33,9 @@ pub struct Align {
     /// Turn shapes about the vertical only; for furniture and other things that stand
     #[arg(long)]
     keep_up: bool,
-    /// The axis of meshes that points up
-    #[arg(long, value_enum, default_value_t = UpArgument::Z)]
-    up: UpArgument,
+    /// The axis of shapes that points up, of meshes and voxel files [default: y for glTF and ShapeNet's files, else z]
+    #[arg(long, value_enum)]
+    up: Option<UpArgument>,
     /// Cells along the cube with which the shapes are compared
     #[arg(long, default_value_t = 40, value_name = "N")]
     resolution: usize,
@@ -124,7 +124,7 @@ impl Align {
             match solid {
                 Ok(Some(solid)) => Ok(Member { file, solid }),
                 Ok(None) => Err(format!("{}: empty", file.relative)),
-                Err(error) => Err(format!("{}: unreadable: {error}", file.relative)),
+                Err(error) => Err(format!("{}: unreadable: {}", file.relative, error.without_path())),
             }
         };
         let all: Vec<Result<Member, String>> = library.files.par_iter().map(read).collect();
@@ -144,14 +144,20 @@ impl Align {
         }
     }
 
-    /// What is in a file, meshes with z up.
+    /// The axis of a file that points up.
+    fn up_of(&self, file: &ShapeFile) -> Up {
+        self.up.map_or_else(|| usual_up(&file.path), UpArgument::up)
+    }
+
+    /// What is in a file, with z up.
     fn content(&self, file: &ShapeFile) -> Result<Content, ReadError> {
-        let malformed = |source| ReadError::Malformed { path: file.path.clone(), source };
-        let format = Format::of(&file.path).ok_or_else(|| ReadError::Extension { path: file.path.clone(), known: Format::KNOWN })?;
-        Ok(match parse(format, &read_bytes(&file.path)?).map_err(malformed)? {
-            Content::Mesh(mesh) => Content::Mesh(mesh.turned_up(self.up.up())),
-            voxels => voxels,
-        })
+        match read_content(&file.path)? {
+            Content::Points(cloud) => {
+                let source = MeshError::PointCloud(cloud.points().len()).into();
+                Err(ReadError::Malformed { path: file.path.clone(), source })
+            }
+            content => Ok(content.turned_up(self.up_of(file))),
+        }
     }
 
     /// Writes the shapes of a class, and says where.
@@ -166,13 +172,14 @@ impl Align {
         let write = |((file, output), placement): ((&&ShapeFile, &String), &Similarity)| {
             let path = self.out.join(output);
             let content = self.content(file)?;
-            let turned = matches!(content, Content::Mesh(_)) && self.up.up() == Up::Y;
+            let turned = self.up_of(file) == Up::Y;
             let bytes = match content {
                 Content::Mesh(mesh) => {
                     let mut bytes = Vec::new();
                     write_off(&mut bytes, &mesh.mapped(|point| placement.place(point))?)?;
                     bytes
                 }
+                Content::Points(_) => return Err(Failure::Failed(format!("{}: a point cloud cannot be aligned", file.relative))),
                 Content::Voxels(object) => {
                     let mut bytes = Vec::new();
                     write_binvox(&mut bytes, &resampled(&object, placement)?)?;
@@ -207,7 +214,7 @@ impl Align {
 /// The name with the extension of what is written; where two files would get one name, the later keeps its own before it.
 fn output_name(input: &str, taken: &mut BTreeSet<String>) -> String {
     let extension = match Format::of(Path::new(input)) {
-        Some(Format::Binvox | Format::Npy) => "binvox",
+        Some(format) if format.is_voxels() => "binvox",
         _ => "off",
     };
     let stem = input.rsplit_once('.').map_or(input, |(stem, _)| stem);

@@ -3,7 +3,7 @@
 use crate::cli::arguments::PoseArgument;
 use crate::cli::failure::Failure;
 use crate::frames::{DepthAlong, FolderOptions, VoidLabels, farthest_m};
-use beo_camera::{BelowSupport, GridOptions};
+use beo_camera::{BelowSupport, GridOptions, Segmentation};
 use beo_camera::{Placement, SensorModel};
 use beo_core::grid::Dims;
 use beo_ipc::limits::NAME_LEN;
@@ -12,7 +12,7 @@ use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
 use std::path::PathBuf;
 
-/// Carve depth images with object masks into grids, for a daemon or as files
+/// Carve depth images into a grid for each object, for a daemon or as files
 #[derive(Args)]
 #[command(after_help = "\
 DIR holds NAME_depth.png with NAME_label.png (a number for each object) or NAME_mask.png (one object); or folders depth and label, mask or \
@@ -71,6 +71,10 @@ pub struct Camera {
     /// Label of the plane that objects stand on, which is no object; otherwise it is looked for where there is no label
     #[arg(long, value_name = "LABEL")]
     pub(super) support_label: Option<u16>,
+    /// Where the objects come from: the label images or masks, or what stands on a plane of the depth images [default: labels where a
+    /// frame has them, else table]
+    #[arg(long, value_enum, value_name = "BY")]
+    pub(super) segment: Option<SegmentArgument>,
     /// What is known below the support plane
     #[arg(long, value_enum, default_value_t = BelowArgument::Empty, value_name = "WHAT")]
     pub(super) below_support: BelowArgument,
@@ -133,6 +137,24 @@ impl std::str::FromStr for IgnoreArgument {
     }
 }
 
+/// Where objects come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum SegmentArgument {
+    /// What stands on a plane of the depth image
+    Table,
+    /// The label image or masks
+    Labels,
+}
+
+impl SegmentArgument {
+    pub(super) fn segmentation(self) -> Segmentation {
+        match self {
+            Self::Table => Segmentation::Table,
+            Self::Labels => Segmentation::Labels,
+        }
+    }
+}
+
 /// What is known of voxels below the support plane.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum BelowArgument {
@@ -175,6 +197,11 @@ impl Camera {
         if let Some(value) = self.no_reading.iter().find(|value| !value.is_finite()) {
             return Err(Failure::Usage(format!("--no-reading {value}: use a number; what is not finite is no reading anyway")));
         }
+        if self.segment == Some(SegmentArgument::Table) && (self.support_label.is_some() || !self.ignore_label.is_empty()) {
+            return Err(Failure::Usage(
+                "--segment table looks at no labels: leave out --support-label and --ignore-label, or use --segment labels".into(),
+            ));
+        }
         if self.count == Some(0) {
             return Err(Failure::Usage("--count 0: use at least 1".into()));
         }
@@ -204,6 +231,7 @@ impl Camera {
             camera_info: self.camera_info.clone(),
             camera_name: self.camera_name.clone(),
             is_rectified: self.rectified,
+            may_lack_labels: self.segment != Some(SegmentArgument::Labels),
             void_labels: match &self.ignore_label[..] {
                 [] => VoidLabels::Customary,
                 these => VoidLabels::These(these.iter().filter_map(label).collect()),

@@ -2,8 +2,8 @@
 
 use super::sink::{Finish, Shown, Sink};
 use crate::cli::failure::Failure;
-use beo_camera::Carver;
 use beo_camera::carve;
+use beo_camera::{Carver, FrameGrids, Quality};
 use beo_ipc::text::{from_field, to_field};
 use beo_ipc::{CarvedGrid, ObservationHeader, PerceptStatus, Producer, Subscriber};
 use std::collections::BTreeMap;
@@ -47,7 +47,11 @@ impl std::fmt::Display for Answers {
 }
 
 impl Sink for Daemon {
-    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure> {
+    fn segmented(&mut self, _: &Shown<'_>, _: &FrameGrids) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, quality: &Quality, finish: &mut Finish<'_>) -> Result<(), Failure> {
         if self.in_step {
             self.settle(IN_FLIGHT - 1)?;
         }
@@ -64,7 +68,7 @@ impl Sink for Daemon {
             ..ObservationHeader::of_grid(&CarvedGrid {
                 object_id: carver.object.into(),
                 known_side_m: self.known_side_m.unwrap_or(0.0),
-                ..CarvedGrid::from(&carver.grid)
+                ..CarvedGrid::from(&carver.grid).with_quality(quality)
             })?
         };
         let sent = loan.send()?;

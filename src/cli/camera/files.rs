@@ -2,11 +2,11 @@
 
 use super::sink::{Finish, Shown, Sink};
 use crate::cli::failure::{Failure, cannot_write};
-use beo_camera::Carver;
 use beo_camera::carve;
+use beo_camera::{Carver, FrameGrids, Quality};
 use beo_core::grid::{Dims, Observation};
 use beo_ipc::CarvedGrid;
-use beo_shapes::write_npy_observation;
+use beo_shapes::{write_npy_labels, write_npy_observation};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,15 @@ impl Files {
 }
 
 impl Sink for Files {
-    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure> {
+    fn segmented(&mut self, of: &Shown<'_>, grids: &FrameGrids) -> Result<(), Failure> {
+        let Some(segments) = grids.segments() else { return Ok(()) };
+        let path = self.folder.join(format!("{}_label.npy", of.frame));
+        let mut bytes = Vec::new();
+        write_npy_labels(&mut bytes, grids.size(), segments)?;
+        std::fs::write(&path, bytes).map_err(cannot_write(&path))
+    }
+
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, quality: &Quality, finish: &mut Finish<'_>) -> Result<(), Failure> {
         carve(carver, &mut self.voxels)?;
         finish(&mut self.voxels)?;
         let grid = &carver.grid;
@@ -55,6 +63,12 @@ impl Sink for Files {
             "orientation": header.orientation,
             "sensor_position_m": header.camera_position_m,
             "fused": of.fused,
+            "cut": { "border": quality.cut.border, "occluder": quality.cut.occluder },
+            "readings": quality.readings,
+            "share_support": quality.share_support,
+            "share_edge": quality.share_edge,
+            "share_far": quality.share_far,
+            "surface_deviation_m": quality.surface_deviation_m,
         });
         let stem = format!("{}-{}", of.frame, carver.object);
         for (end, content) in [("npy", bytes), ("json", format!("{beside:#}\n").into_bytes())] {

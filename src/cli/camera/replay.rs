@@ -1,15 +1,20 @@
 //! Plays the frames of a folder at their pace: each object of each frame goes to the sink as a grid, or ends as a line that says why not.
 
-use super::arguments::Camera;
+use super::arguments::{Camera, SegmentArgument};
 use super::sink::{Shown, Sink};
 use crate::cli::failure::Failure;
 use crate::frames::{CapturedFrame, FrameFolder, StampedPose, question_depth, question_size};
-use beo_camera::{FrameGrids, FusedObjects, GridOptions, ObjectGrid, lay_grids};
+use beo_camera::{FrameGrids, FusedObjects, GridOptions, ObjectGrid, Observer, Segmentation};
 use beo_ipc::clock::monotonic_ns;
 use nalgebra::Isometry3;
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// A gravity that is off by less is not worth a line, degrees.
+const LEAST_CORRECTION_DEG: f64 = 1.0;
+/// A share of an object's readings that is worth a line.
+const LARGE_SHARE: f64 = 0.1;
 
 /// Plays the frames and counts.
 pub(super) struct Replay<'a> {
@@ -17,6 +22,7 @@ pub(super) struct Replay<'a> {
     folder: &'a FrameFolder,
     poses: Option<Vec<StampedPose>>,
     options: GridOptions,
+    observer: Observer,
     fused: FusedObjects,
     frames: u64,
     unreadable: BTreeSet<usize>,
@@ -30,7 +36,8 @@ pub(super) struct Replay<'a> {
 impl<'a> Replay<'a> {
     pub(super) fn new(camera: &'a Camera, folder: &'a FrameFolder, poses: Option<Vec<StampedPose>>, options: GridOptions) -> Self {
         let (fused, unreadable) = (FusedObjects::default(), BTreeSet::new());
-        Self { camera, folder, poses, options, fused, frames: 0, unreadable, without_grid: 0, asked: 0, questioned: false }
+        let observer = Observer::new(options);
+        Self { camera, folder, poses, options, observer, fused, frames: 0, unreadable, without_grid: 0, asked: 0, questioned: false }
     }
 
     pub(super) fn play(&mut self, stop: &AtomicBool, sink: &mut impl Sink) -> Result<(), Failure> {
@@ -82,12 +89,17 @@ impl<'a> Replay<'a> {
         let grids = self.lay(captured, camera_to_world)?;
         self.question(captured, &grids);
         self.asked += (grids.objects.len() + captured.hidden.len()) as u64;
+        self.say_of(captured.name(), &grids)?;
+        sink.segmented(&shown, &grids)?;
         for laid in &grids.objects {
-            match &laid.carver {
-                Ok(carver) if self.camera.fuse => {
-                    sink.take(&shown, carver, &mut |voxels| Ok(self.fused.fuse(carver.object, voxels)?))?;
+            match &laid.grid {
+                Ok(observed) => {
+                    let carver = grids.carver(laid.object, observed);
+                    let fuse = self.camera.fuse;
+                    sink.take(&shown, &carver, &observed.quality, &mut |voxels| {
+                        if fuse { Ok(self.fused.fuse(laid.object, voxels)?) } else { Ok(()) }
+                    })?;
                 }
-                Ok(carver) => sink.take(&shown, carver, &mut |_| Ok(()))?,
                 Err(reason) => self.say_why_not(captured.name(), reason)?,
             }
         }
@@ -98,12 +110,12 @@ impl<'a> Replay<'a> {
     }
 
     /// Asks about the unit of the depth where a depth or a size is none that such a scene can have.
-    fn question(&mut self, captured: &CapturedFrame, grids: &FrameGrids<'_>) {
+    fn question(&mut self, captured: &CapturedFrame, grids: &FrameGrids) {
         if self.questioned {
             return;
         }
-        let longest = |laid: &ObjectGrid<'_>| {
-            let grid = laid.carver.as_ref().ok().filter(|_| self.options.placement.known_side_m.is_none())?.grid;
+        let longest = |laid: &ObjectGrid| {
+            let grid = laid.grid.as_ref().ok().filter(|_| self.options.placement.known_side_m.is_none())?.grid;
             let shortest_side = grid.dims().into_iter().min().unwrap_or(0) as f64;
             question_size(captured, laid.object, grid.voxel_size_m() * shortest_side * self.options.placement.share)
         };
@@ -114,14 +126,38 @@ impl<'a> Replay<'a> {
         }
     }
 
-    fn lay<'f>(&mut self, captured: &'f CapturedFrame, camera_to_world: Option<Isometry3<f64>>) -> Result<FrameGrids<'f>, Failure> {
+    fn lay(&mut self, captured: &CapturedFrame, camera_to_world: Option<Isometry3<f64>>) -> Result<FrameGrids, Failure> {
+        self.observer.segment_by(
+            self.camera.segment.map_or_else(
+                || if captured.is_labelled { Segmentation::Labels } else { Segmentation::Table },
+                SegmentArgument::segmentation,
+            ),
+        );
+        let mut grids = self.observer.observe(&captured.frame());
         if !self.camera.fuse {
-            return Ok(lay_grids(captured.frame(), &self.options));
+            return Ok(grids);
         }
         let place = camera_to_world.ok_or_else(|| {
             Failure::Failed(format!("--fuse: it is not known where the camera was in frame {}: give --trajectory", captured.name()))
         })?;
-        Ok(self.fused.lay_grids(captured.frame(), &place, &self.options)?)
+        self.fused.keep_places(&mut grids, &place)?;
+        Ok(grids)
+    }
+
+    /// Says where the direction up was corrected, and which masks hold far pieces.
+    fn say_of(&self, frame: &str, grids: &FrameGrids) -> Result<(), Failure> {
+        if let Some(angle) = grids.corrected_rad.map(f64::to_degrees).filter(|angle| *angle > LEAST_CORRECTION_DEG) {
+            say!("{frame}: --gravity is {angle:.1}° off the plane that the objects stand on, which is taken to be level");
+        }
+        for (object, quality) in grids.objects.iter().filter_map(|laid| Some((laid.object, laid.grid.as_ref().ok()?.quality))) {
+            if quality.share_far > LARGE_SHARE {
+                let share = 100.0 * quality.share_far;
+                say!(
+                    "{frame}: object {object}: {share:.0} % of its readings lie apart from the rest and were left out: are these several objects?"
+                );
+            }
+        }
+        Ok(())
     }
 
     fn say_why_not(&mut self, frame: &str, reason: &dyn std::fmt::Display) -> Result<(), Failure> {

@@ -1,12 +1,14 @@
 //! Where grids go: the interface between the replay, which lays them, and the daemon or the folder that takes them.
 
 use crate::cli::failure::Failure;
-use beo_camera::Carver;
+use beo_camera::{Carver, FrameGrids, Quality};
 
 /// What happens to a grid that was laid.
 pub(super) trait Sink {
+    /// A frame was taken apart, and its grids follow.
+    fn segmented(&mut self, of: &Shown<'_>, grids: &FrameGrids) -> Result<(), Failure>;
     /// Carves it into its place, lets `finish` change it, and passes it on.
-    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, finish: &mut Finish<'_>) -> Result<(), Failure>;
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, quality: &Quality, finish: &mut Finish<'_>) -> Result<(), Failure>;
     /// All objects of a frame were taken.
     fn frame_ended(&mut self) -> Result<(), Failure>;
 }

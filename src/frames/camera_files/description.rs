@@ -15,8 +15,8 @@ pub(super) struct Description {
     pub(super) matrix: [f64; 4],
     /// Its lens.
     pub(super) lens: Lens,
-    /// fx, fy, cx, cy of the rectified image, if it is given.
-    pub(super) projection: Option<[f64; 4]>,
+    /// fx, fy, cx, cy of the rectified image, if they are given; an error matters only to those who want them.
+    pub(super) projection: Option<Result<[f64; 4], FormatError>>,
     /// Pixels of the calibrated image that are one of the image, along a row and a column.
     pub(super) binning: [u32; 2],
     /// The part of the calibrated image that was kept, before binning: first column, first row, columns, rows.
@@ -95,9 +95,9 @@ impl Description {
     ///
     /// A pixel of the image covers `binning` pixels of the calibrated one, whose centres lie around its own: u = (u′ − x₀ + ½) / b − ½.
     pub(super) fn intrinsics(&self, choice: &CameraChoice<'_>) -> Result<Intrinsics, FormatError> {
-        let ([fx, fy, cx, cy], lens) = match (choice.is_rectified, self.projection) {
+        let ([fx, fy, cx, cy], lens) = match (choice.is_rectified, self.projection.clone()) {
             (false, _) => (self.matrix, self.lens),
-            (true, Some(projection)) => (projection, Lens::Straight),
+            (true, Some(projection)) => (projection?, Lens::Straight),
             (true, None) if self.lens == Lens::Straight => (self.matrix, Lens::Straight),
             (true, None) => {
                 return Err(wrong("--rectified: there is no projection_matrix (P), which describes the rectified images"));
@@ -105,8 +105,10 @@ impl Description {
         };
         if [fx, fy] == [0.0; 2] {
             let what = if choice.is_rectified { "the projection matrix P" } else { "the camera matrix K" };
-            let hint = match self.projection {
-                Some([fx, ..]) if fx > 0.0 && !choice.is_rectified => "; P is given: if the images are rectified, say so with --rectified",
+            let hint = match &self.projection {
+                Some(Ok([fx, ..])) if *fx > 0.0 && !choice.is_rectified => {
+                    "; P is given: if the images are rectified, say so with --rectified"
+                }
                 _ => ": calibrate it, or give its intrinsics with --camera-info",
             };
             return Err(wrong(format!("{what} is all zeros, which says that the camera is not calibrated{hint}")));

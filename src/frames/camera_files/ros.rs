@@ -24,7 +24,7 @@ pub(super) fn parse(root: &Node) -> Result<Description, FormatError> {
         size: Some(size),
         matrix: camera_matrix("the camera matrix", &matrix)?,
         lens: distortion::lens(root.text(&["distortion_model"])?, &coefficients).map_err(wrong)?,
-        projection: projection.map(|numbers| projection_matrix(&numbers)).transpose()?,
+        projection: projection.map(|numbers| projection_matrix(&numbers)),
         // 0 is as 1.
         binning: [root.pixels(&["binning_x"])?.unwrap_or(0), root.pixels(&["binning_y"])?.unwrap_or(0)],
         region: root.get(&["roi"])?.map(|roi| region(roi, size)).transpose()?.flatten(),

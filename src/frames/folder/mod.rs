@@ -41,6 +41,8 @@ pub struct FolderOptions {
     pub is_rectified: bool,
     /// Labels that are no object.
     pub void_labels: VoidLabels,
+    /// Frames without label image or masks are read all the same, all their labels 0.
+    pub may_lack_labels: bool,
 }
 
 impl Default for FolderOptions {
@@ -55,6 +57,7 @@ impl Default for FolderOptions {
             camera_name: None,
             is_rectified: false,
             void_labels: VoidLabels::default(),
+            may_lack_labels: false,
         }
     }
 }
@@ -167,11 +170,13 @@ impl FrameFolder {
         if self.options.depth_along == DepthAlong::Ray {
             z_of_distances(&mut depth, &info.intrinsics);
         }
+        let is_labelled = !matches!(labels, Labels::Missing(_));
         let (labels, hidden) = self.labels(labels, &depth)?;
         let typical_depth_m = typical_depth(&depth, &labels);
         limited(&mut depth, self.options.range_m[0], self.options.range_m[1]);
         let mut captured = CapturedFrame::new(name.clone(), info.intrinsics, depth, labels)?;
         (captured.camera_to_world, captured.frame_id, captured.hidden) = (camera_to_world, info.frame_id, hidden);
+        captured.is_labelled = is_labelled;
         (captured.metres_per_unit, captured.typical_depth_m) = (metres_per_unit, typical_depth_m);
         Ok(captured)
     }
@@ -203,6 +208,11 @@ impl FrameFolder {
                 let mut colours = self.colours.lock().unwrap_or_else(PoisonError::into_inner);
                 let labels = read_image(path, |raster| raster.into_labels(&self.options.void_labels, &mut colours))?;
                 return Ok((labels, Vec::new()));
+            }
+            Labels::Missing(_) if self.options.may_lack_labels => {
+                let [width, height] = depth.size();
+                let none = vec![0; depth.values().len()];
+                return Ok((Image::new(width, height, none).expect("one label for each pixel"), Vec::new()));
             }
             Labels::Missing(expected) => return Err(FolderError::Missing { expected: expected.clone() }),
             Labels::Masks(masks) => masks,

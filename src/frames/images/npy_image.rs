@@ -1,8 +1,8 @@
 //! NumPy arrays of rows × columns as images: floating-point metres, whole numbers of units, labels or masks.
 
 use super::{Image, MOST_PIXELS, Raster, problem};
-use beo_shapes::{FormatError, check_npy_header};
-use npyz::{Deserialize, NpyFile, NpyHeader, Order, TypeChar};
+use beo_shapes::FormatError;
+use beo_shapes::npy::{NpyHeader, NpyKind, NpyNumber};
 
 const FORMAT: &str = "npy";
 const EXPECTED: &str = "two axes, rows and columns";
@@ -16,75 +16,65 @@ fn error(text: impl ToString) -> FormatError {
 /// # Errors
 /// [`FormatError`]: another type or shape, data that do not fit.
 pub fn parse_npy_image(bytes: &[u8]) -> Result<Raster, FormatError> {
-    check_npy_header(bytes, 2, EXPECTED).map_err(error)?;
-    let mut data = bytes;
-    let header = NpyHeader::from_reader(&mut data).map_err(error)?;
-    let &[rows, columns] = header.shape() else {
-        return Err(error(format!("the array has shape {:?}: expected {EXPECTED}", header.shape())));
+    let header = NpyHeader::parse(bytes).map_err(error)?;
+    let &[rows, columns] = &header.shape[..] else {
+        return Err(error(format!("the array has shape {}: expected {EXPECTED}", header.shape_name())));
     };
     let pixels = rows.saturating_mul(columns);
-    if pixels == 0 || pixels > MOST_PIXELS as u64 {
+    if pixels == 0 || pixels as u64 > MOST_PIXELS as u64 {
         return Err(error(format!("{columns} × {rows} pixels: expected 1 to {MOST_PIXELS}")));
     }
-    let npyz::DType::Plain(dtype) = header.dtype() else {
-        return Err(error(format!("type {}: expected a plain array", header.dtype().descr())));
-    };
-    let width = dtype.size_field();
-    if data.len() as u64 != pixels.saturating_mul(width) {
-        return Err(error(format!("{} bytes of data for {columns} × {rows} pixels of {width} bytes each", data.len())));
+    let (length, width) = (bytes.len() - header.start, header.width);
+    let is_known =
+        matches!((header.kind, width), (NpyKind::Bool, 1) | (NpyKind::Unsigned | NpyKind::Signed, 1 | 2 | 4 | 8) | (NpyKind::Float, 4 | 8));
+    if !is_known {
+        return Err(error(format!("type {}: expected float32, float64, whole numbers or bool", header.type_name())));
     }
-    let size = [columns as u32, rows as u32];
-    let array = Array { header, data, size };
-    match (dtype.type_char(), width) {
-        (TypeChar::Bool, 1) => Ok(Raster::Bytes(array.read(|value: bool| Some(u8::from(value)))?)),
-        (TypeChar::Uint, 1) => Ok(Raster::Bytes(array.read(Some)?)),
-        (TypeChar::Uint, 2) => Ok(Raster::Words(array.read(Some)?)),
-        (TypeChar::Uint, 4) => array.integers(u32::MAX.into(), |value: u32| Some(value.into())),
+    if length as u64 != (pixels as u64).saturating_mul(width as u64) {
+        return Err(error(format!("{length} bytes of data for {columns} × {rows} pixels of {width} bytes each")));
+    }
+    let array = Array { header: &header, bytes, size: [columns as u32, rows as u32] };
+    match (header.kind, width) {
+        (NpyKind::Bool, _) => Ok(Raster::Bytes(array.read(|value: bool| Some(u8::from(value)))?)),
+        (NpyKind::Unsigned, 1) => Ok(Raster::Bytes(array.read(Some)?)),
+        (NpyKind::Unsigned, 2) => Ok(Raster::Words(array.read(Some)?)),
+        (NpyKind::Unsigned, 4) => array.integers(u32::MAX.into(), |value: u32| Some(value.into())),
         // No image needs more than 63 bits; the largest value of 64 stands for nothing, as i64's does.
-        (TypeChar::Uint, 8) => {
+        (NpyKind::Unsigned, _) => {
             array.integers(i64::MAX, |value: u64| if value == u64::MAX { Some(i64::MAX) } else { value.try_into().ok() })
         }
-        (TypeChar::Int, 1) => array.integers(i8::MAX.into(), |value: i8| Some(value.into())),
-        (TypeChar::Int, 2) => array.integers(i16::MAX.into(), |value: i16| Some(value.into())),
-        (TypeChar::Int, 4) => array.integers(i32::MAX.into(), |value: i32| Some(value.into())),
-        (TypeChar::Int, 8) => array.integers(i64::MAX, Some),
-        (TypeChar::Float, 4) => Ok(Raster::Floats(array.read(Some)?)),
-        (TypeChar::Float, 8) => Ok(Raster::Floats(array.read(|value: f64| Some(value as f32))?)),
-        _ => Err(error(format!("type {}: expected float32, float64, whole numbers or bool", array.header.dtype().descr()))),
+        (NpyKind::Signed, 1) => array.integers(i8::MAX.into(), |value: i8| Some(value.into())),
+        (NpyKind::Signed, 2) => array.integers(i16::MAX.into(), |value: i16| Some(value.into())),
+        (NpyKind::Signed, 4) => array.integers(i32::MAX.into(), |value: i32| Some(value.into())),
+        (NpyKind::Signed, _) => array.integers(i64::MAX, Some),
+        (NpyKind::Float, 4) => Ok(Raster::Floats(array.read(Some)?)),
+        _ => Ok(Raster::Floats(array.read(|value: f64| Some(value as f32))?)),
     }
 }
 
 struct Array<'a> {
-    header: NpyHeader,
-    data: &'a [u8],
+    header: &'a NpyHeader,
+    bytes: &'a [u8],
     /// Columns, rows.
     size: [u32; 2],
 }
 
 impl Array<'_> {
-    fn integers<T: Deserialize>(&self, largest: i64, convert: impl Fn(T) -> Option<i64>) -> Result<Raster, FormatError> {
+    fn integers<T: NpyNumber>(&self, largest: i64, convert: impl Fn(T) -> Option<i64>) -> Result<Raster, FormatError> {
         Ok(Raster::Integers { image: self.read(convert)?, largest })
     }
 
     /// Row by row, whatever the order in the file.
-    fn read<T: Deserialize, U: Copy>(&self, convert: impl Fn(T) -> Option<U>) -> Result<Image<U>, FormatError> {
+    fn read<T: NpyNumber, U: Copy>(&self, convert: impl Fn(T) -> Option<U>) -> Result<Image<U>, FormatError> {
         let [width, height] = self.size;
-        let (columns, rows) = (width as usize, height as usize);
-        let place = |index: usize| match self.header.order() {
-            Order::C => (index / columns, index % columns),
-            Order::Fortran => (index % rows, index / rows),
-        };
-        let values = NpyFile::with_header(self.header.clone(), self.data).data::<T>().map_err(error)?;
-        let mut stored = Vec::with_capacity(columns * rows);
-        for (index, value) in values.enumerate() {
+        let values = self.header.numbers::<T>(self.bytes).map_err(error)?;
+        let mut stored = Vec::with_capacity(values.len());
+        for (index, value) in values.into_iter().enumerate() {
             let outside = || {
-                let (row, column) = place(index);
+                let (row, column) = (index / width as usize, index % width as usize);
                 error(format!("the value of row {row}, column {column} is out of range"))
             };
-            stored.push(convert(value.map_err(error)?).ok_or_else(outside)?);
-        }
-        if self.header.order() == Order::Fortran && stored.len() == columns * rows {
-            stored = (0..columns * rows).map(|pixel| stored[pixel % columns * rows + pixel / columns]).collect();
+            stored.push(convert(value).ok_or_else(outside)?);
         }
         Image::new(width, height, stored).ok_or_else(|| error("fewer values than its header says"))
     }

@@ -4,12 +4,14 @@ use super::calibration::fit_blend;
 use super::camera_density::{LeftOut, Views};
 use super::camera_views::{AtRest, Part, Sample, stream};
 use crate::grid::Outside;
-use crate::model::{Blend, CameraCalibration, CameraDensities, YAWS};
-use crate::perception::PerceiveError;
-use crate::perception::camera::camera_search::ModeRefiner;
-use crate::perception::camera::{CameraScores, Cell, Told, ViewWork};
+use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
+use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner};
+use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::evidence::placed::EvidenceScratch;
+use crate::perception::scored::Scored as PerceptScores;
+use crate::perception::timings::Clock;
+use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -22,6 +24,12 @@ const SEEN: usize = 4;
 const MOST_SEEN: usize = 2400;
 /// Views of which the evidence is weighed too.
 const MOST_WEIGHED: usize = 700;
+/// At most so many are answered as queries are, for the deviations of place and size; fewer than the second say too little.
+const MOST_PLACED: usize = 300;
+const FEWEST_PLACED: usize = 30;
+/// No deviation is drawn in, or widened, by more than this.
+const LEAST_SPREAD: f64 = 0.25;
+const MOST_SPREAD: f64 = 100.0;
 /// Classes whose evidence is computed: the likeliest ones.
 const LIKELY: usize = 3;
 /// Factors on the log density among which left-out shapes choose for the pose.
@@ -77,7 +85,7 @@ pub fn calibrate(
         let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
         let sample = at_rest.see(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng)?;
         let mut work = ViewWork::default();
-        scores.score(&sample.frame, &sample.observation, &Told::default(), &vec![true; classes], &mut work);
+        scores.score(&sample.frame, &sample.observation, &KnownPlacement::default(), &vec![true; classes], &mut work);
         let cells = std::mem::take(&mut work.cells);
         let log_size = |cell: &Cell| -> f64 {
             let size = components[cell.component].size;
@@ -125,16 +133,86 @@ pub fn calibrate(
         "camera densities on shapes that were left out"
     );
     let together = weigh(&scored, &marginals, left_out, classes, pose_weight, size_weight)?;
-    Ok(CameraCalibration {
+    let mut calibration = CameraCalibration {
         pose_weight,
         size_weight: sized.then_some(size_weight),
         blend: Blend { hull: fitted.weights[0], offsets: fitted.offsets, ..Blend::default() },
         together,
-        spread: None,
+        spread: Some(CameraSpread::ONE),
         views: labels.len(),
         accuracy: fitted.accuracy,
         log_loss: fitted.log_loss,
-    })
+    };
+    let samples: Vec<Sample> = scored.into_iter().take(MOST_PLACED).map(|view| view.sample).collect();
+    calibration.spread = spread(left_out, classes, views.lying, (scores, calibration.clone()), &samples)?;
+    tracing::debug!(spread = ?calibration.spread, "deviations of place and size on shapes that were left out");
+    Ok(calibration)
+}
+
+/// Below which 68.3 % of the values lie, the share of a Gaussian within one deviation; the values are sorted on the way.
+fn one_deviation(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let at = 0.683 * values.len().saturating_sub(1) as f64;
+    let (below, share) = (at.floor() as usize, at.fract());
+    let value = |i: usize| values.get(i.min(values.len().saturating_sub(1))).copied().unwrap_or(1.0);
+    value(below) + share * (value(below + 1) - value(below))
+}
+
+/// By how much deviations of place and size are too small: views are answered as queries are, everything unknown. None where the grids
+/// differ in size.
+fn spread(
+    left_out: &LeftOut<'_>,
+    classes: usize,
+    lying: bool,
+    cameras: (CameraScores, CameraCalibration),
+    samples: &[Sample],
+) -> Result<Option<CameraSpread>, PerceiveError> {
+    let wanted = vec![true; classes];
+    let answer = |sample: &Sample| -> Option<Result<[[f64; 3]; 2], PerceiveError>> {
+        if left_out.evidence.dims() != sample.observation.dims() {
+            return None;
+        }
+        let query = Query {
+            camera: Some(sample.camera),
+            pose: PoseSearch::YAW,
+            scale: ScaleSearch::Search { side: None },
+            outside: Outside::Unknown,
+            lying,
+            voxel_size_m: sample.voxel_m,
+            ..Query::default()
+        };
+        let search = CameraSearch {
+            evidence: &left_out.evidence,
+            evidence_blend: left_out.evidence_blend,
+            longest_side: left_out.longest_side,
+            cameras: Some(&cameras),
+            query: &query,
+            wanted: &wanted,
+        };
+        let (mut clock, mut out) = (Clock::start(), PerceptScores::default());
+        out.start(wanted.len(), true);
+        if let Err(error) = search.score(&sample.observation, &mut CameraScratch::default(), &mut clock, &mut out) {
+            return Some(Err(error));
+        }
+        let (placed, found) = out.placement?;
+        // The grid of a view lies along its frame.
+        let away = placed.shift - sample.placed.shift;
+        let length = |axis: usize| sample.lengths[axis] * sample.placed.scale;
+        Some(Ok([
+            std::array::from_fn(|axis| away[axis].abs() / found.position_deviation_voxels[axis].max(1e-6)),
+            std::array::from_fn(|axis| (found.extent_voxels[axis] - length(axis)).abs() / found.extent_deviation_voxels[axis].max(1e-6)),
+        ]))
+    };
+    let errors: Vec<[[f64; 3]; 2]> = samples.par_iter().filter_map(answer).collect::<Result<_, _>>()?;
+    if errors.len() < FEWEST_PLACED {
+        return Ok(None);
+    }
+    let factor = |which: usize, axis: usize| {
+        let mut values: Vec<f64> = errors.iter().map(|error| error[which][axis]).collect();
+        one_deviation(&mut values).clamp(LEAST_SPREAD, MOST_SPREAD)
+    };
+    let factors = |which: usize| std::array::from_fn(|axis| factor(which, axis));
+    Ok(Some(CameraSpread { place: factors(0), extent: factors(1) }))
 }
 
 /// One of the ways in which a shape rests, drawn by its probability.
@@ -174,10 +252,10 @@ fn weigh(
         likely.truncate(LIKELY);
         let refiner = ModeRefiner {
             evidence: &left_out.evidence,
-            weight: left_out.evidence_weight,
+            weight: left_out.evidence_blend.evidence.max(1e-9),
             outside: Outside::Unknown,
             frame: &view.sample.frame,
-            told: &Told::default(),
+            told: &KnownPlacement::default(),
         };
         let mut scratch = EvidenceScratch::new(dims);
         let mut evidence = vec![f64::INFINITY; classes];
@@ -198,4 +276,17 @@ fn weigh(
     let both = fit_blend(&[marginals[..count].to_vec(), evidence], &labels, classes, true)?;
     tracing::debug!(log_loss = both.log_loss, accuracy = both.accuracy, weights = ?both.weights, "with the evidence, each class as it lies best");
     Ok(Some(Blend { hull: both.weights[0], evidence: both.weights[1], distance: 0.0, offsets: both.offsets }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// numpy.quantile([1, 2, ..., 11], 0.683)
+    #[test]
+    fn one_deviation_is_a_quantile() {
+        let mut values: Vec<f64> = (1..=11).rev().map(f64::from).collect();
+        assert!((one_deviation(&mut values) - 7.83).abs() < 1e-12);
+        assert_eq!(one_deviation(&mut [3.0]), 3.0);
+    }
 }

@@ -11,7 +11,7 @@ use super::camera_views::{ClassShapes, Part, around, parts, stream};
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
 use crate::linear::LinearError;
-use crate::model::{CameraCalibration, CameraDensities, OFFSETS, YAWS};
+use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
 use crate::perception::PerceiveError;
 use crate::perception::camera::{CELLS, CameraFeatures, Shadow, ShadowImage};
 use crate::perception::evidence::placed::EvidenceModel;
@@ -36,7 +36,7 @@ const WINDOW: f64 = 0.75;
 /// Least variance of a feature, as a share of the mean variance: see `view_density`.
 const LEAST_VARIANCE: f64 = 1e-3;
 
-/// What was learned.
+/// Outcome of the learning.
 pub struct Learned {
     /// The densities, from all shapes.
     pub densities: CameraDensities,
@@ -50,8 +50,10 @@ pub struct LeftOut<'a> {
     pub held: &'a [Vec<usize>],
     /// Classes learned from the others.
     pub evidence: EvidenceModel,
-    /// Factor on the log evidence where poses are refined by it.
-    pub evidence_weight: f64,
+    /// Weight and offsets of their evidence alone.
+    pub evidence_blend: &'a Blend,
+    /// Longest side of the shapes, in voxels.
+    pub longest_side: usize,
 }
 
 /// How views are made.

@@ -120,6 +120,8 @@ pub fn stream(seed: u64, group: u64, view: u64) -> ChaCha8Rng {
 
 /// A view of a shape, and how the shape lies in it.
 pub struct Sample {
+    /// Where the camera was, in voxels from the grid's centre.
+    pub camera: Vector3<f64>,
     /// The view's frame.
     pub frame: ViewFrame,
     /// What is seen.
@@ -128,7 +130,8 @@ pub struct Sample {
     pub placed: Placed,
     /// Edge of a voxel of the observation, metres, if the shape's size is known.
     pub voxel_m: Option<f64>,
-    lengths: [f64; 3],
+    /// Lengths of the box about the shape along its canonical axes, voxels of its own grid.
+    pub lengths: [f64; 3],
 }
 
 impl AtRest {
@@ -161,10 +164,11 @@ impl AtRest {
         let grid_from_object = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
         let rotation = yaw(turned) * self.rotation;
         let placed = Placed { rotation, scale: 1.0 / edge, shift: grid_from_object(Vector3::zeros()) };
-        let frame = ViewFrame::new(&observation, &grid_from_object(eye.position()), &mut Vec::new())?;
+        let camera = grid_from_object(eye.position());
+        let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
         let longest = self.lengths.into_iter().fold(0.0, f64::max);
         let voxel_m = self.side_m.map(|side| side / longest * edge);
-        Some(Sample { frame, observation, placed, voxel_m, lengths: self.lengths })
+        Some(Sample { camera, frame, observation, placed, voxel_m, lengths: self.lengths })
     }
 }
 

@@ -6,7 +6,7 @@ use super::shrinkage::centre;
 use super::train::{FEWEST_SHAPES, TrainError, TrainOptions};
 use crate::grid::{Dims, Occupancy, View};
 use crate::model::{Basis, ClassModel, Footprint, levels_of};
-use crate::perception::{Reading, SharedRows};
+use crate::perception::{BasisRows, SharedRows};
 use faer::Mat;
 use fixedbitset::FixedBitSet;
 use rand::SeedableRng;
@@ -66,7 +66,7 @@ pub(super) struct Fit {
     pub basis: Basis,
     /// Where W' is not zero, if it is read in place.
     pub footprint: Option<Footprint>,
-    pub reading: Reading,
+    pub reading: BasisRows,
     pub classes: Vec<ClassFit>,
     pub noise: f64,
 }
@@ -102,7 +102,7 @@ impl Fit {
             true => None,
             false => Some(SharedRows::over(data.dims, basis.clone(), union(data.dims, &shapes)).expect("it is in memory").footprint()),
         };
-        let reading = Reading::new(data.dims, &basis, footprint.as_ref());
+        let reading = BasisRows::new(data.dims, &basis, footprint.as_ref());
         pass(Pass::Projecting);
         let objects: f64 = kept.iter().map(|rows| rows.len() as f64).sum();
         let mean = |of: fn(&ClassBasis) -> f64| bases.iter().zip(kept).map(|(b, rows)| of(b) * rows.len() as f64).sum::<f64>() / objects;
@@ -139,7 +139,7 @@ impl Fit {
 }
 
 /// Projects `count` binary vectors, one per row.
-pub(super) fn project(reading: &Reading, rank: usize, count: usize, bits: impl Fn(usize) -> fixedbitset::FixedBitSet + Sync) -> Mat<f32> {
+pub(super) fn project(reading: &BasisRows, rank: usize, count: usize, bits: impl Fn(usize) -> fixedbitset::FixedBitSet + Sync) -> Mat<f32> {
     let rows: Vec<Vec<f32>> = (0..count)
         .into_par_iter()
         .map(|i| {
@@ -165,7 +165,7 @@ pub enum Pass {
     Gram,
     /// W' is formed and rounded.
     Basis,
-    /// What is needed to read W': prefix sums, or its Gram matrix where it is read in place.
+    /// Tables that reading W' needs: prefix sums, or its Gram matrix where it is read in place.
     Reading,
     /// Shapes are projected onto W'.
     Projecting,

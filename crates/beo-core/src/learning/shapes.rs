@@ -1,4 +1,4 @@
-//! What is learned from: complete shapes, each with the class that it belongs to.
+//! Training shapes: complete shapes, each with the class that it belongs to.
 
 use crate::grid::Occupancy;
 

@@ -116,7 +116,7 @@ pub enum TrainError {
 /// A step of the training, for progress reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// What is being done.
+    /// Name of the step.
     pub name: &'static str,
     /// The longest side of the grid on which it is done: models of large grids have smaller ones too.
     pub side: usize,
@@ -236,10 +236,12 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
         let mut held = vec![Vec::new(); data.classes.len()];
         folds[0].held.iter().for_each(|(class, shape)| held[*class].push(*shape));
+        let evidence_blend = calibration.evidence.clone();
         let left_out = LeftOut {
             held: &held,
             evidence: EvidenceModel { noise_variance: first.noise_variance * calibration.noise_inflation, ..first },
-            evidence_weight: calibration.evidence.evidence.max(1e-9),
+            evidence_blend: &evidence_blend,
+            longest_side: options.longest_side,
         };
         let lengths = |class: usize| data.lengths_m.as_ref().map(|lengths| &lengths[class][..]);
         let shapes: Vec<ClassShapes<'_>> =

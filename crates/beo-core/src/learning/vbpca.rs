@@ -137,7 +137,7 @@ fn null_factors(d: f64, n: f64, s2: f64, priors: Priors) -> Factors {
     Factors { coefficient_norm2: 0.0, coefficient_variance, basis_norm2: 0.0, basis_variance }
 }
 
-/// What one component adds to twice the free energy; `explained` is γ γ̂.
+/// Contribution of one component to twice the free energy; `explained` is γ γ̂.
 fn factor_energy(f: &Factors, explained: f64, d: f64, n: f64, s2: f64, priors: Priors) -> f64 {
     let coefficient = f.coefficient_norm2 + n * f.coefficient_variance;
     let basis = f.basis_norm2 + d * f.basis_variance;

@@ -138,7 +138,7 @@ fn moments(views: &[Views], direction: usize, size: usize, ridge: f64) -> Moment
     Moments::new(rows.as_ref(), offsets, ridge)
 }
 
-/// What is stored of one direction.
+/// Stored values of one direction.
 struct Block {
     means: Vec<f16>,
     whitening: Vec<f16>,

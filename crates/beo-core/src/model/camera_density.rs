@@ -1,4 +1,4 @@
-//! What objects look like to a camera at some elevation when turned about the vertical: a Gaussian of hull features for each component,
+//! Views of a camera at some elevation of objects that are turned about the vertical: a Gaussian of hull features for each component,
 //! elevation and yaw, and a regression of where the object lies on these features.
 
 use super::Component;
@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 pub const YAWS: usize = 24;
 /// Cells of the view's frame over which hulls are averaged: 15 along each axis.
 pub const CELLS: usize = 15 * 15 * 15;
-/// What is regressed on the features, in the view's frame (`perception::camera::ViewFrame`): the rest of the yaw, radians; the logarithm
+/// Number of quantities that are regressed on the features, in the view's frame (`perception::camera::ViewFrame`): the rest of the yaw, radians; the logarithm
 /// of the scale, its unit per voxel of the canonical grid; the place of the canonical grid's centre, x, y, z; the lengths of the object's
 /// box along its axes.
 pub const OFFSETS: usize = 8;

@@ -35,7 +35,7 @@ pub enum ModelError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's own message.
         source: std::io::Error,
     },
     /// The file is not a model, or is damaged.
@@ -43,7 +43,7 @@ pub enum ModelError {
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
     /// There is no room for the file.
@@ -207,7 +207,7 @@ fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>
     write(tensors.collect(), header)
 }
 
-/// What a full check of a file found.
+/// Outcome of a full check of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VerifyReport {
     /// Tensors checked.
@@ -229,10 +229,10 @@ pub fn verify(path: &Path) -> Result<VerifyReport, ModelError> {
     Ok(VerifyReport { tensors: file.header.checksums.len(), bytes })
 }
 
-/// What the header of a model file says.
+/// Content of the header of a model file.
 #[derive(Debug, Clone)]
 pub struct Outline {
-    /// What the model is and how it was made.
+    /// Description of the model and of its training.
     pub metadata: Metadata,
     /// Number of columns of W', a.
     pub rank: usize,
@@ -352,7 +352,7 @@ fn levels_in(metadata: &Metadata) -> Vec<Dims> {
     if metadata.settings.poses { levels_of(metadata.dims) } else { Vec::new() }
 }
 
-/// What a file that was written by `save` always satisfies, and a hand-made one may not.
+/// Checks conditions that every file written by `save` satisfies, and a hand-made one may not.
 fn check_metadata(metadata: &Metadata) -> Result<(), String> {
     let m = metadata.classes.len();
     let calibration = &metadata.calibration;

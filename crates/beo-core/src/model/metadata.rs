@@ -1,4 +1,4 @@
-//! What a model file says of itself: JSON in the safetensors header.
+//! Description of a model in its file: JSON in the safetensors header.
 
 use super::Component;
 use crate::grid::{Dims, View};
@@ -115,7 +115,7 @@ pub struct Calibration {
     pub noise_inflation: f64,
     /// Completion.
     pub completion: CompletionCalibration,
-    /// What cameras see, if it was learned.
+    /// Views of cameras, if they were learned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraCalibration>,
     /// Held-out objects that the fit used.
@@ -161,6 +161,11 @@ pub struct CameraSpread {
     pub place: [f64; 3],
     /// Of the lengths of the object's box along its own axes.
     pub extent: [f64; 3],
+}
+
+impl CameraSpread {
+    /// Deviations as they are.
+    pub const ONE: Self = Self { place: [1.0; 3], extent: [1.0; 3] };
 }
 
 impl Default for CameraSpread {

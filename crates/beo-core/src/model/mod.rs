@@ -63,7 +63,7 @@ pub struct HullDensity {
 pub struct Model {
     /// Tells one model file from another: made of its checksums; 0 for a model that was not loaded from a file.
     pub id: u64,
-    /// What the model is and how it was made.
+    /// Description of the model and of its training.
     pub metadata: Metadata,
     /// The shared basis W'.
     pub basis: Basis,

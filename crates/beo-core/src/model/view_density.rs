@@ -1,4 +1,4 @@
-//! What objects look like from above when turned in any way: a Gaussian of hull features for each class and each direction that
+//! Views from above of objects that are turned in any way: a Gaussian of hull features for each class and each direction that
 //! may point up.
 
 use half::f16;

@@ -1,4 +1,4 @@
-//! What may keep a query from being answered.
+//! Reasons why a query cannot be answered.
 
 use crate::grid::Dims;
 use crate::linear::LinearError;

@@ -7,16 +7,13 @@ use super::evidence::known::Known;
 use super::evidence::placed::EvidenceModel;
 use super::evidence::subspace::Conditional;
 use super::prepared::Prepared;
-use super::scored::{Scored, Wanted};
+use super::scored::{ClassMask, Scored};
+use super::settings::LEAST_SHARE_OF_BEST;
 use super::timings::Clock;
 use super::{Method, PerceiveError, Query};
 use crate::grid::ALONE;
 use crate::linear::LinearError;
 use crate::model::Blend;
-
-/// Classes whose posterior by the hull is below this share of the best one's are not worth computing their evidence, which
-/// weighs little in the blend: on objects held out of ModelNet10's `train`, no answer and no log loss changed.
-const LEAST_SHARE_OF_BEST: f64 = 1e-2;
 
 /// The classes conditioned on what is known in one frame, as far as they were: what completion takes over from the scores.
 pub(super) struct ClassPosteriors {
@@ -129,7 +126,7 @@ impl KnownPose<'_> {
     fn score_evidence(
         &self,
         known: &Known,
-        likely: &Wanted,
+        likely: &ClassMask,
         posteriors: &mut ClassPosteriors,
         clock: &mut Clock,
         scores: &mut Scores,

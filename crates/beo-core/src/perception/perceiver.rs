@@ -195,7 +195,15 @@ impl Perceiver {
         if let (Search::Here(here), true) = (&self.search, out.informed)
             && is_viewed(query, here.cameras.is_some())
         {
-            let search = CameraSearch { prepared, cameras: here.cameras.as_ref(), query, wanted };
+            let model = &prepared.model.metadata;
+            let search = CameraSearch {
+                evidence: &prepared.evidence,
+                evidence_blend: &model.calibration.evidence,
+                longest_side: model.settings.longest_side,
+                cameras: here.cameras.as_ref(),
+                query,
+                wanted,
+            };
             search.score(seen, &mut work.camera, clock, out)?;
             if out.informed {
                 return Ok(());

@@ -1,4 +1,4 @@
-//! What is asked, and what is answered.
+//! A query about one observation, and the percept that answers it.
 
 use crate::grid::{Outside, Placed, Rotation, View};
 use crate::perception::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
@@ -14,7 +14,7 @@ pub enum Frame {
     Object,
 }
 
-/// What is known of the object's size and of its place in the grid.
+/// Knowledge of the object's size and of its place in the grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ScaleSearch {
     /// They are those of the training shapes: the grid lies about the object as theirs do.
@@ -30,13 +30,13 @@ pub enum ScaleSearch {
 /// The box about the object, along its own axes, as a camera's view and the search for size and place give it. Lengths in voxels of the
 /// observation's grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lay {
+pub struct ObjectBox {
     /// Lengths along the object's axes.
-    pub extent: [f64; 3],
+    pub extent_voxels: [f64; 3],
     /// Their standard deviations.
-    pub extent_deviation: [f64; 3],
+    pub extent_deviation_voxels: [f64; 3],
     /// Standard deviations of the box's centre along the grid's axes; 0 where it was not searched.
-    pub position_deviation: [f64; 3],
+    pub position_deviation_voxels: [f64; 3],
 }
 
 /// A question about one observation.
@@ -44,17 +44,17 @@ pub struct Lay {
 pub struct Query {
     /// The estimator.
     pub method: Method,
-    /// What is known of the rotation.
+    /// Knowledge of the rotation.
     pub pose: PoseSearch,
     /// P(r) over the rotations that are searched.
     pub rotation_prior: RotationPrior,
-    /// What lies outside the grid: it enters when the observation is turned.
+    /// Content of the space outside the grid: it enters when the observation is turned.
     pub outside: Outside,
     /// From where the object was seen; `None`: found out from the observation.
     pub view: Option<View>,
     /// Where the camera was, in voxels from the grid's centre along its axes, if it was one.
     pub camera: Option<Vector3<f64>>,
-    /// What is known of the object's size and place.
+    /// Knowledge of the object's size and place.
     pub scale: ScaleSearch,
     /// Before a turn about z, the object may rest in any of the poses that the model knows of its class; else it stands upright. Of what a
     /// camera sees.
@@ -98,11 +98,11 @@ pub struct Percept {
     /// object's box lies.
     pub placed: Placed,
     /// The object's box; `None` where it was not estimated.
-    pub lay: Option<Lay>,
+    pub object_box: Option<ObjectBox>,
     /// Modes of the posterior over class and pose, most probable first.
     pub hypotheses: Vec<Hypothesis>,
     /// Expected angle to the first hypothesis, radians: 0 in known pose.
-    pub spread: f64,
+    pub rotation_spread_rad: f64,
     /// Probability that each voxel is filled, d values: observed voxels 0 or 1. Empty when not asked for.
     pub occupancy: Vec<f32>,
     /// Standard deviation of that probability, d values: 0 for observed voxels.

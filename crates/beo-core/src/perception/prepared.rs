@@ -1,7 +1,7 @@
 //! A model with what queries derive from it: nothing here answers a query by itself.
 
 use super::basis::projection::ColumnSums;
-use super::basis::reading::Reading;
+use super::basis::reading::BasisRows;
 use super::camera::CameraScores;
 use super::camera::camera_search::is_viewed;
 use super::densities::gaussian::{CommonDensity, Gaussian};
@@ -15,7 +15,7 @@ use crate::model::{CameraCalibration, Model, Searched};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// What all stages read.
+/// Tables that all stages read.
 pub(crate) struct Prepared {
     pub model: Arc<Model>,
     pub evidence: EvidenceModel,
@@ -34,7 +34,7 @@ pub(crate) enum Search {
     KnownPoseOnly,
 }
 
-/// What a search on the model's own grid reads.
+/// Tables that a search on the model's own grid reads.
 pub(crate) struct Here {
     /// Prefix sums of W'.
     pub sums: Arc<ColumnSums>,
@@ -86,10 +86,10 @@ impl Prepared {
         let hulls = (0..model.views().len())
             .map(|v| model.classes.par_iter().map(|c| Gaussian::new(&c.hulls[v].mean, &c.hulls[v].covariance)).collect())
             .collect::<Result<_, _>>()?;
-        let rows = Reading::new(dims, &model.basis, model.footprint());
+        let rows = BasisRows::new(dims, &model.basis, model.footprint());
         let subspaces = model.classes.iter().map(|class| rows.class(class)).collect();
         let search = match (&model.searched, &rows) {
-            (Searched::Here { views, cameras }, Reading::Derived { sums, .. }) => Search::Here(Box::new(Here {
+            (Searched::Here { views, cameras }, BasisRows::Derived { sums, .. }) => Search::Here(Box::new(Here {
                 sums: sums.clone(),
                 common: (0..model.views().len()).map(|v| common_density(&model, v)).collect::<Result<_, _>>()?,
                 views: ViewScores::new(dims, views.clone()),

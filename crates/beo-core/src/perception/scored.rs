@@ -1,12 +1,12 @@
-//! What scoring hands to the decision, and the decision: class, pose hypotheses and how the object lies.
+//! Scores as the decision takes them over, and the decision: class, pose hypotheses and how the object lies.
 
 use super::densities::log_sum::most_probable;
 use super::pose::posterior::{Modes, Sample};
-use super::{Hypothesis, Lay, Percept, PoseSearch, Query};
+use super::{Hypothesis, ObjectBox, Percept, PoseSearch, Query};
 use crate::grid::{Placed, Rotation};
 
 /// Which classes take part, one value per class.
-pub(super) type Wanted = [bool];
+pub(super) type ClassMask = [bool];
 
 /// Rotations of a class within this of a mode belong to it, radians.
 pub(super) const MODE_RADIUS: f64 = 15.0 / 180.0 * std::f64::consts::PI;
@@ -25,7 +25,7 @@ pub(crate) struct Scored {
     /// Weighted rotations of every class; none in known pose.
     pub samples: Vec<Sample>,
     /// How the object of the most probable class lies, if size and place were refined.
-    pub placement: Option<(Placed, Lay)>,
+    pub placement: Option<(Placed, ObjectBox)>,
     /// Its component among those of the model, if resting poses were searched.
     pub resting_pose: Option<usize>,
 }
@@ -56,21 +56,21 @@ pub(super) fn decide(query: &Query, scored: &Scored, modes: &mut Modes, percept:
     let class = most_probable(&percept.posterior);
     percept.class = class;
     if scored.samples.is_empty() {
-        percept.spread = 0.0;
+        percept.rotation_spread_rad = 0.0;
         percept.hypotheses.clear();
         percept.hypotheses.push(Hypothesis { rotation: Rotation::identity(), class, probability: percept.posterior[class] });
     } else {
         let averaged = !matches!(query.pose, PoseSearch::Full);
-        percept.spread = modes.hypotheses(&scored.samples, &percept.posterior, MODE_RADIUS, averaged, &mut percept.hypotheses);
+        percept.rotation_spread_rad = modes.hypotheses(&scored.samples, &percept.posterior, MODE_RADIUS, averaged, &mut percept.hypotheses);
     }
-    percept.lay = None;
-    if let Some((placed, lay)) = scored.placement {
+    percept.object_box = None;
+    if let Some((placed, object_box)) = scored.placement {
         // The hypothesis that was refined says so.
         let near = percept.hypotheses.iter_mut().filter(|h| h.class == class);
         if let Some(nearest) = near.min_by(|a, b| a.rotation.angle_to(&placed.rotation).total_cmp(&b.rotation.angle_to(&placed.rotation))) {
             nearest.rotation = placed.rotation;
         }
-        (percept.rotation, percept.placed, percept.lay) = (placed.rotation, placed, Some(lay));
+        (percept.rotation, percept.placed, percept.object_box) = (placed.rotation, placed, Some(object_box));
         return;
     }
     percept.rotation = match query.pose {

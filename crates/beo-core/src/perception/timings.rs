@@ -17,7 +17,7 @@ pub struct Timings {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
     started: Instant,
-    /// What was done so far.
+    /// Stages that are done so far.
     pub timings: Timings,
 }
 

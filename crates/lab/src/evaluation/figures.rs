@@ -35,7 +35,7 @@ impl Example {
         let verdict = if percept.class == truth { "" } else { ", wrong" };
         Self {
             truth: (draw_shape(object, SIDE, Colour::SERIES[2]), format!("truth: {}", name(truth))),
-            query: match percept.spread {
+            query: match percept.rotation_spread_rad {
                 0.0 => (draw_observation(observation, SIDE), "query".into()),
                 spread => (
                     draw_poses(observation, percept.hypotheses.iter().map(|h| (h.rotation, h.probability)), SIDE),

@@ -165,11 +165,12 @@ impl Posed {
             size: (percept.placed.scale / self.placed.scale).ln().abs(),
             ..PlacementErrors::default()
         };
-        if let Some(lay) = &percept.lay {
+        if let Some(found) = &percept.object_box {
             let deviations = |error: f64, deviation: f64| error / deviation.max(1e-6);
-            errors.centre_deviations = std::array::from_fn(|axis| deviations(away[axis], lay.position_deviation[axis]));
-            errors.extent_deviations = std::array::from_fn(|axis| deviations(lay.extent[axis] - lengths[axis], lay.extent_deviation[axis]));
-            errors.extent = (0..3).map(|axis| (lay.extent[axis] - lengths[axis]).abs()).sum::<f64>() / (3.0 * longest);
+            errors.centre_deviations = std::array::from_fn(|axis| deviations(away[axis], found.position_deviation_voxels[axis]));
+            errors.extent_deviations =
+                std::array::from_fn(|axis| deviations(found.extent_voxels[axis] - lengths[axis], found.extent_deviation_voxels[axis]));
+            errors.extent = (0..3).map(|axis| (found.extent_voxels[axis] - lengths[axis]).abs()).sum::<f64>() / (3.0 * longest);
         }
         errors
     }

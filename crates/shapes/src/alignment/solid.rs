@@ -69,6 +69,8 @@ impl Solid {
         let (fine, outline) = match content {
             Content::Mesh(mesh) => (voxelise(mesh, dims, longest), used_vertices(mesh)),
             Content::Voxels(object) => (resampled(object, dims, longest)?, corners(object)),
+            // Without an inside there are no moments.
+            Content::Points(_) => return None,
         };
         let [mut low, mut high] = [*outline.first()?; 2];
         outline.iter().for_each(|p| (low, high) = (low.inf(p), high.sup(p)));

@@ -8,7 +8,7 @@ use fixedbitset::FixedBitSet;
 use std::sync::Arc;
 
 /// W' as queries and training read it.
-pub enum Reading {
+pub enum BasisRows {
     /// Tables: the fastest, for grids on which poses are searched.
     Derived {
         /// Size of the grid.
@@ -22,7 +22,7 @@ pub enum Reading {
     InPlace(Arc<SharedRows>),
 }
 
-impl Reading {
+impl BasisRows {
     /// In place if it is known where W' is not zero, else with tables.
     pub fn new(dims: Dims, basis: &Basis, footprint: Option<&Footprint>) -> Self {
         match footprint {
@@ -131,7 +131,7 @@ mod tests {
     fn evidence_of_a_turned_observation_is_that_of_turning_it_first() {
         let place = in_place();
         let evidence = place.evidence();
-        let Reading::InPlace(rows) = &evidence.rows else { panic!("read in place") };
+        let BasisRows::InPlace(rows) = &evidence.rows else { panic!("read in place") };
         let object: Occupancy = unseen("chair", 3);
         let seen = View::Top.of(&object);
         for angle in [0.0, 0.3, 1.9] {

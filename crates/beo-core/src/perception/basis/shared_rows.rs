@@ -32,7 +32,7 @@ pub struct SharedRows {
     gram: Vec<f64>,
 }
 
-/// What one observation selects of W'; reused from query to query.
+/// Sums over the part of W' that one observation selects; reused from query to query.
 #[derive(Clone, Debug, Default)]
 pub struct SharedSums {
     /// Gram matrix of [W', 1] over the unknown voxels, packed lower triangle.

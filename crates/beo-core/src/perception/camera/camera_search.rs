@@ -4,34 +4,23 @@
 //! sizes, places and angles about that, coarse to fine (`camera::refinement`). Without such densities, or by another method, the evidence
 //! scores all steps of yaw at the size that what is visible suggests.
 
-use super::{CameraScores, Cell, Placement, Refined, SEEN, Told, ViewFrame, ViewWork, refine};
+use super::{CameraScores, Cell, KnownPlacement, Placement, Refined, SEEN, ViewFrame, ViewWork, refine};
 use crate::grid::{Observation, Outside, Placed, Rotation, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::percept::{Lay, ScaleSearch};
+use crate::perception::percept::{ObjectBox, ScaleSearch};
 use crate::perception::pool::Pool;
 use crate::perception::pose::merging::Merging;
 use crate::perception::pose::posterior::Sample;
-use crate::perception::prepared::Prepared;
-use crate::perception::scored::{MODE_RADIUS, Scored, Wanted};
+use crate::perception::scored::{ClassMask, MODE_RADIUS, Scored};
+use crate::perception::settings::CAMERA;
 use crate::perception::timings::Clock;
 use crate::perception::{Method, PerceiveError, PoseSearch, Query};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-
-/// Modes of a class that are refined, at most; only those within so much of the best, in nats.
-const MOST_MODES: usize = 2;
-const HOPELESS: f64 = 3.0;
-/// Classes whose modes are refined: at least so likely by the view's densities, and at most so many.
-const LEAST_LIKELY: f64 = 0.05;
-const MOST_LIKELY: usize = 3;
-/// What is visible is this share of the longest side, and the place of the centre that far from that of what is visible (units), where no
-/// density says it.
-const VISIBLE: f64 = 0.92;
-const UNSURE: [f64; OFFSETS] = [0.1, 0.1, 1.5, 1.0, 1.0, 4.0, 4.0, 4.0];
 
 /// A class as it lies best.
 #[derive(Clone, Copy, Debug)]
@@ -64,12 +53,12 @@ pub struct ModeRefiner<'a> {
     pub evidence: &'a EvidenceModel,
     /// Weight of the log evidence against what the view's density expects.
     pub weight: f64,
-    /// What lies beyond the grid.
+    /// Content of the space beyond the grid.
     pub outside: Outside,
     /// The view's frame.
     pub frame: &'a ViewFrame,
-    /// What is known already.
-    pub told: &'a Told,
+    /// Knowledge of yaw, size and place.
+    pub told: &'a KnownPlacement,
 }
 
 impl ModeRefiner<'_> {
@@ -100,12 +89,31 @@ impl Sureness<'_> {
     }
 }
 
+/// Log density over the yaw of a class: of the view, and the prior's.
+pub struct PoseDensity<'a> {
+    weight: f64,
+    /// At a yaw in the view's frame, radians, of what rests so.
+    log_prior: &'a dyn Fn(f64, &Rotation) -> f64,
+}
+
+impl PoseDensity<'_> {
+    fn of(&self, cell: &Cell) -> f64 {
+        cell.log_weight(self.weight) + (self.log_prior)(cell.yaw(), &cell.resting)
+    }
+}
+
 /// The search for class, yaw, size and place of what a camera sees.
 pub struct CameraSearch<'a> {
-    pub prepared: &'a Prepared,
+    /// The classes.
+    pub evidence: &'a EvidenceModel,
+    /// Weight and offsets of the evidence alone.
+    pub evidence_blend: &'a Blend,
+    /// Longest side of the training shapes, in voxels of the canonical grid.
+    pub longest_side: usize,
+    /// Densities of what cameras see, and how sure they may be.
     pub cameras: Option<&'a (CameraScores, CameraCalibration)>,
     pub query: &'a Query,
-    pub wanted: &'a Wanted,
+    pub wanted: &'a ClassMask,
 }
 
 /// Whether a query is one about what a camera sees, to a model that has densities of that or not.
@@ -140,14 +148,19 @@ impl CameraSearch<'_> {
             let log_density = cell.log_weight(sure.pose_weight) + prior(&rotation);
             allowed.then_some(Sample { rotation, class: cell.class, log_density, share: 1.0 / YAWS as f64 })
         }));
-        for class in 0..self.prepared.classes() {
+        for class in 0..self.wanted.len() {
             let of_class = out.samples.iter().filter(|sample| sample.class == class).map(|sample| sample.log_density);
             let score = log_sum_exp(of_class) / sure.pose_weight;
             out.scores.push(score);
             out.posterior.push(sure.blend.log_posterior(class, sure.of_class(score), query.log_prior(class)));
         }
         softmax(&mut out.posterior);
-        self.refine_modes(seen, &frame, &told, sure.pose_weight, scratch, &out.posterior)?;
+        let log_prior = |angle: f64, resting: &Rotation| match query.pose {
+            PoseSearch::Known => 0.0,
+            _ => prior(&(yaw(frame.azimuth + angle) * resting)),
+        };
+        let poses = PoseDensity { weight: sure.pose_weight, log_prior: &log_prior };
+        self.refine_modes(seen, &frame, &told, &poses, scratch, &out.posterior)?;
         self.weigh_evidence(scratch, out);
         clock.classified();
         let class = most_probable(&out.posterior);
@@ -157,16 +170,16 @@ impl CameraSearch<'_> {
         Ok(())
     }
 
-    /// What the query tells, in the view's frame.
-    fn told(&self, frame: &ViewFrame) -> Told {
+    /// Yaw, size and place as far as the query says them, in the view's frame.
+    fn told(&self, frame: &ViewFrame) -> KnownPlacement {
         let (_, scale, place) = frame.seen(&Placed::default());
         let yaw = (self.query.pose == PoseSearch::Known).then_some(-frame.azimuth);
         let upright = !self.query.lying || yaw.is_some();
         match self.query.scale {
-            ScaleSearch::Known => Told { upright, yaw, scale: Some(scale), place: Some(place) },
+            ScaleSearch::Known => KnownPlacement { upright, yaw, scale: Some(scale), place: Some(place) },
             ScaleSearch::Search { side } => {
-                let longest = self.prepared.model.metadata.settings.longest_side as f64;
-                Told { upright, yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
+                let longest = self.longest_side as f64;
+                KnownPlacement { upright, yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
             }
         }
     }
@@ -176,7 +189,7 @@ impl CameraSearch<'_> {
         &self,
         seen: &Observation,
         frame: &ViewFrame,
-        told: &Told,
+        told: &KnownPlacement,
         scratch: &mut CameraScratch,
     ) -> Result<Sureness<'_>, PerceiveError> {
         if let (Some((scores, calibration)), Method::Auto | Method::Hull, Some(_)) = (self.cameras, self.query.method, self.query.camera) {
@@ -189,8 +202,8 @@ impl CameraSearch<'_> {
             }
             return Ok(Sureness { pose_weight: calibration.pose_weight, blend: &calibration.blend, by_density: true });
         }
-        let blend = &self.prepared.model.metadata.calibration.evidence;
-        let (evidence, pool) = (&self.prepared.evidence, &scratch.evidence);
+        let blend = self.evidence_blend;
+        let (evidence, pool) = (self.evidence, &scratch.evidence);
         let (angles, count) = steps(told);
         let expected = self.expectation(told);
         let classes = || (0..self.wanted.len()).filter(|class| self.wanted[*class]);
@@ -201,7 +214,8 @@ impl CameraSearch<'_> {
             let mut offsets = expected;
             offsets[0] = angle - CameraDensities::yaw(step);
             let resting = Rotation::identity();
-            let cell = |class| Cell { class, component: class, resting, log_prior: 0.0, step, score: 0.0, offsets, deviations: UNSURE };
+            let cell =
+                |class| Cell { class, component: class, resting, log_prior: 0.0, step, score: 0.0, offsets, deviations: CAMERA.unsure };
             cells.extend(classes().map(cell));
         }
         cells.par_chunks_mut(classes().count().max(1)).zip(&angles[..count]).try_for_each(|(cells, angle)| {
@@ -242,12 +256,12 @@ impl CameraSearch<'_> {
     }
 
     /// Offsets that are expected where no density says them.
-    fn expectation(&self, told: &Told) -> [f64; OFFSETS] {
-        let longest = self.prepared.model.metadata.settings.longest_side as f64;
-        let scale = told.scale.unwrap_or(SEEN / (VISIBLE * longest));
+    fn expectation(&self, told: &KnownPlacement) -> [f64; OFFSETS] {
+        let longest = self.longest_side as f64;
+        let scale = told.scale.unwrap_or(SEEN / (CAMERA.visible_share * longest));
         // The hidden part is behind what is seen.
         let place = told.place.unwrap_or(Vector3::new(1.0, 0.0, 0.0));
-        let side = SEEN / VISIBLE;
+        let side = SEEN / CAMERA.visible_share;
         [0.0, scale.ln(), place.x, place.y, place.z, side, side, side]
     }
 
@@ -257,16 +271,16 @@ impl CameraSearch<'_> {
         &self,
         seen: &Observation,
         frame: &ViewFrame,
-        told: &Told,
-        pose_weight: f64,
+        told: &KnownPlacement,
+        poses: &PoseDensity<'_>,
         scratch: &mut CameraScratch,
         posterior: &[f64],
     ) -> Result<(), PerceiveError> {
         let CameraScratch { view, evidence: pool, order, merging, likely, starts, refined, modes, .. } = scratch;
         // Where all is told there is nothing to refine, and a class costs no more than its evidence.
         let (least, most) = match told {
-            Told { yaw: Some(_), scale: Some(_), place: Some(_), .. } => (1e-4, posterior.len()),
-            _ => (LEAST_LIKELY, MOST_LIKELY),
+            KnownPlacement { yaw: Some(_), scale: Some(_), place: Some(_), .. } => (CAMERA.least_likely_of_known, posterior.len()),
+            _ => (CAMERA.least_likely, CAMERA.most_likely),
         };
         likely.clear();
         likely.extend((0..posterior.len()).filter(|class| posterior[*class] >= least));
@@ -275,11 +289,11 @@ impl CameraSearch<'_> {
         starts.clear();
         for (place, class) in likely.iter().enumerate() {
             // The most probable class is looked at more closely.
-            let most = if place == 0 { MOST_MODES } else { 1 };
-            best_cells(*class, pose_weight, &view.cells, most, order, merging, starts);
+            let most = if place == 0 { CAMERA.most_modes } else { 1 };
+            best_cells(*class, poses, &view.cells, most, order, merging, starts);
         }
-        let weight = self.prepared.model.metadata.calibration.evidence.evidence.max(1e-9);
-        let evidence = &self.prepared.evidence;
+        let weight = self.evidence_blend.evidence.max(1e-9);
+        let evidence = self.evidence;
         let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told };
         refined.clear();
         refined.resize(starts.len(), None);
@@ -288,7 +302,10 @@ impl CameraSearch<'_> {
             *refined = Some(mode);
             Ok::<_, PerceiveError>(())
         })?;
-        let value = |mode: &Mode| mode.refined.value + mode.cell.log_weight(pose_weight);
+        let value = |mode: &Mode| {
+            let prior = (poses.log_prior)(mode.refined.parameters[0], &mode.cell.resting);
+            mode.refined.value + mode.cell.log_weight(poses.weight) + prior
+        };
         modes.clear();
         modes.extend(likely.iter().filter_map(|class| {
             let of_class = refined.iter().flatten().filter(|mode| mode.cell.class == *class);
@@ -298,7 +315,7 @@ impl CameraSearch<'_> {
     }
 
     /// How an object lies: its similarity to the canonical one, and its box.
-    fn placement(&self, frame: &ViewFrame, mode: &Mode) -> (Placed, Lay) {
+    fn placement(&self, frame: &ViewFrame, mode: &Mode) -> (Placed, ObjectBox) {
         let Mode { cell, refined: best, .. } = mode;
         let [angle, log_scale, x, y, z] = best.parameters;
         let found = cell.placed(frame, angle, log_scale.exp(), &Vector3::new(x, y, z));
@@ -310,12 +327,12 @@ impl CameraSearch<'_> {
         let spread = self.cameras.and_then(|(_, calibration)| calibration.spread).unwrap_or_default();
         let grew = (log_scale - cell.offsets[1]).exp() * frame.unit;
         let searched = self.query.scale != ScaleSearch::Known;
-        let lay = Lay {
-            extent: std::array::from_fn(|axis| (cell.offsets[5 + axis] * grew).max(0.0)),
-            extent_deviation: std::array::from_fn(|axis| spread.extent[axis] * cell.deviations[5 + axis] * frame.unit),
-            position_deviation: if searched { position_deviation(frame, best, &spread) } else { [0.0; 3] },
+        let object_box = ObjectBox {
+            extent_voxels: std::array::from_fn(|axis| (cell.offsets[5 + axis] * grew).max(0.0)),
+            extent_deviation_voxels: std::array::from_fn(|axis| spread.extent[axis] * cell.deviations[5 + axis] * frame.unit),
+            position_deviation_voxels: if searched { position_deviation(frame, best, &spread) } else { [0.0; 3] },
         };
-        (placed, lay)
+        (placed, object_box)
     }
 }
 
@@ -328,9 +345,9 @@ fn position_deviation(frame: &ViewFrame, refined: &Refined, spread: &CameraSprea
 }
 
 /// The likely modes of a class among its cells, apart from each other, the best first; they are added to `starts`.
-pub fn best_cells(
+fn best_cells(
     class: usize,
-    pose_weight: f64,
+    poses: &PoseDensity<'_>,
     cells: &[Cell],
     most: usize,
     order: &mut Vec<usize>,
@@ -339,15 +356,15 @@ pub fn best_cells(
 ) {
     order.clear();
     order.extend((0..cells.len()).filter(|i| cells[*i].class == class && cells[*i].score.is_finite()));
-    let weight = |i: usize| cells[i].log_weight(pose_weight);
+    let value = |i: usize| poses.of(&cells[i]);
     let place = |i: usize| (cells[i].component, cells[i].step);
-    order.sort_unstable_by(|a, b| weight(*b).total_cmp(&weight(*a)).then(place(*a).cmp(&place(*b))));
+    order.sort_unstable_by(|a, b| value(*b).total_cmp(&value(*a)).then(place(*a).cmp(&place(*b))));
     merging.start(order.len());
     let turned = |i: usize| yaw(cells[order[i]].yaw()) * cells[order[i]].resting;
     let near = |a: usize, b: usize| turned(a).angle_to(&turned(b)) <= 2.0 * MODE_RADIUS;
     for _ in 0..most {
         let Some(place) = merging.next(near, |_| ()) else { break };
-        if weight(order[0]) - weight(order[place]) > HOPELESS {
+        if value(order[0]) - value(order[place]) > CAMERA.hopeless_nats {
             break;
         }
         starts.push(cells[order[place]]);
@@ -355,7 +372,7 @@ pub fn best_cells(
 }
 
 /// Angles at which the evidence is computed, and how many of them count.
-fn steps(told: &Told) -> ([f64; YAWS], usize) {
+fn steps(told: &KnownPlacement) -> ([f64; YAWS], usize) {
     match told.yaw {
         Some(yaw) => ([yaw; YAWS], 1),
         None => (std::array::from_fn(CameraDensities::yaw), YAWS),
@@ -363,7 +380,7 @@ fn steps(told: &Told) -> ([f64; YAWS], usize) {
 }
 
 /// Where the search of a cell begins: what is told has no deviation.
-fn start(cell: &Cell, told: &Told) -> Placement {
+fn start(cell: &Cell, told: &KnownPlacement) -> Placement {
     let (place, scale) = (cell.place(), cell.scale());
     let mut start = Placement {
         expected: [cell.yaw(), scale.ln(), place.x, place.y, place.z],
@@ -376,6 +393,20 @@ fn start(cell: &Cell, told: &Told) -> Placement {
         }
     }
     start
+}
+
+#[cfg(test)]
+pub(super) mod tests_support {
+    use crate::grid::Observation;
+    use crate::perception::pose::small::unseen;
+    use crate::simulation::{self, Eye};
+    use nalgebra::Vector3;
+
+    /// A chair between two learned elevations, and where the camera was.
+    pub fn seen_chair() -> (Observation, Vector3<f64>) {
+        let eye = Eye { azimuth: 0.4, elevation: 35_f64.to_radians(), distance: 50.0 };
+        (simulation::observe(&unseen("chair", 2), &eye), eye.position())
+    }
 }
 
 #[cfg(test)]
@@ -436,8 +467,15 @@ mod tests {
                 near += usize::from(found.rotation.angle().to_degrees() < 15.0);
                 sized += usize::from(found.placed.scale.ln().abs() < 0.1 && found.placed.shift.norm() < 1.5);
                 assert!(found.occupancy.iter().chain(&found.deviation).all(|v| (0.0..=1.0).contains(v)));
-                let lay = found.lay.expect("a box");
-                assert!(lay.extent.iter().chain(&lay.extent_deviation).chain(&lay.position_deviation).all(|v| v.is_finite() && *v >= 0.0));
+                let found_box = found.object_box.expect("a box");
+                assert!(
+                    found_box
+                        .extent_voxels
+                        .iter()
+                        .chain(&found_box.extent_deviation_voxels)
+                        .chain(&found_box.position_deviation_voxels)
+                        .all(|v| v.is_finite() && *v >= 0.0)
+                );
 
                 let known = ask(&seen, &query(azimuth, PoseSearch::Known, ScaleSearch::Known));
                 assert_eq!(known.placed, Placed::default());
@@ -455,7 +493,7 @@ mod tests {
         let found = ask(&nothing, &query(0.0, PoseSearch::YAW, SEARCH));
         assert!(!found.informed && found.posterior.iter().all(|p| (p - 1.0 / 3.0).abs() < 1e-9));
         assert!(found.hypotheses.iter().all(|h| h.probability < 0.09));
-        assert_eq!((found.lay, found.placed.scale), (None, 1.0));
+        assert_eq!((found.object_box, found.placed.scale), (None, 1.0));
     }
 
     /// Without densities of cameras, or without knowing where the camera was, the evidence alone finds size and place.
@@ -479,20 +517,20 @@ mod tests {
             offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0],
             deviations: [0.5; OFFSETS],
         };
-        let free = start(&cell, &Told::default());
+        let free = start(&cell, &KnownPlacement::default());
         assert!((free.expected[0] - (CameraDensities::yaw(6) + 0.1)).abs() < 1e-12);
         let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
         assert!(same(&free.expected[1..], &[-0.2, 1.0, 2.0, 3.0]) && free.deviations == [0.5; 5]);
-        let told = Told { yaw: Some(1.0), scale: Some(1.0), ..Told::default() };
+        let told = KnownPlacement { yaw: Some(1.0), scale: Some(1.0), ..KnownPlacement::default() };
         let some = start(&cell, &told);
         assert_eq!((some.expected, some.deviations), ([1.0, 0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.5, 0.5, 0.5]));
     }
 
     #[test]
     fn a_known_yaw_is_the_only_step() {
-        let (angles, count) = steps(&Told { yaw: Some(0.7), ..Told::default() });
+        let (angles, count) = steps(&KnownPlacement { yaw: Some(0.7), ..KnownPlacement::default() });
         assert_eq!((angles[0], count), (0.7, 1));
-        let (angles, count) = steps(&Told::default());
+        let (angles, count) = steps(&KnownPlacement::default());
         assert_eq!(count, YAWS);
         assert!((yaw_of(&yaw(angles[7])) - CameraDensities::yaw(7)).abs() < 1e-12);
     }

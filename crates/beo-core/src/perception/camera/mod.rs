@@ -1,4 +1,4 @@
-//! What a camera sees, from any elevation: class, yaw, size and place of upright objects.
+//! Views of a camera from any elevation: class, yaw, size and place of upright objects.
 //!
 //! | file | content |
 //! | --- | --- |
@@ -13,5 +13,5 @@ mod scores;
 mod view_frame;
 
 pub(crate) use refinement::{Placement, Refined, refine};
-pub(crate) use scores::{CameraFeatures, CameraScores, Cell, Shadow, Told, ViewWork};
+pub(crate) use scores::{CameraFeatures, CameraScores, Cell, KnownPlacement, Shadow, ViewWork};
 pub(crate) use view_frame::{CELLS, SEEN, ShadowImage, ViewFrame};

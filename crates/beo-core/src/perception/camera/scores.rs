@@ -22,9 +22,9 @@ use std::sync::Arc;
 /// A step of yaw is looked at if it is within this many steps of a yaw that is told.
 const REACH: f64 = 1.5;
 
-/// What is known already, in the view's frame.
+/// Yaw, size and place as far as they are known, in the view's frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Told {
+pub struct KnownPlacement {
     /// The object stands as it does canonically.
     pub upright: bool,
     /// The object's yaw, radians.
@@ -104,7 +104,7 @@ pub struct CameraScores {
     densities: Arc<CameraDensities>,
 }
 
-/// What is seen and hidden in a frame, and the image to find it.
+/// The shadow of the visible part in a frame, and the image to find it.
 #[derive(Default)]
 pub struct Shadow {
     image: ShadowImage,
@@ -164,7 +164,7 @@ impl CameraScores {
     }
 
     /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`.
-    pub fn score(&self, frame: &ViewFrame, observation: &Observation, told: &Told, wanted: &[bool], work: &mut ViewWork) {
+    pub fn score(&self, frame: &ViewFrame, observation: &Observation, told: &KnownPlacement, wanted: &[bool], work: &mut ViewWork) {
         let ViewWork { shadow, features, gaussian, centred, regression, cells, .. } = work;
         self.features.of(frame, observation, shadow, features);
         let (densities, p, m) = (&self.densities, self.densities.size, self.densities.components.len());
@@ -210,19 +210,21 @@ impl CameraScores {
 }
 
 impl Cell {
-    /// Adds a part of the mixture.
+    /// Adds a part of the mixture; its moments are those of the mixture, by the law of total variance: Σ w m and Σ w (s² + (m − mean)²).
     fn add(&mut self, score: f64, offsets: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) {
         let together = log_sum_exp([self.score, score].into_iter());
         let share = (score - together).exp();
         for j in 0..OFFSETS {
-            self.offsets[j] += share * (offsets[j] - self.offsets[j]);
-            self.deviations[j] += share * (deviations[j] - self.deviations[j]);
+            let apart = offsets[j] - self.offsets[j];
+            self.offsets[j] += share * apart;
+            let within = (1.0 - share) * self.deviations[j].powi(2) + share * deviations[j].powi(2);
+            self.deviations[j] = (within + share * (1.0 - share) * apart.powi(2)).sqrt();
         }
         self.score = together;
     }
 }
 
-impl Told {
+impl KnownPlacement {
     /// Log density of what is told as an observation of offsets with this mean and these deviations.
     fn log_density(&self, rest: Option<f64>, mean: &[f64; OFFSETS], deviations: &[f64; OFFSETS]) -> f64 {
         let told = self.offsets(rest);
@@ -240,4 +242,104 @@ impl Told {
 /// An angle in [−π, π).
 pub fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::yaw;
+    use crate::perception::camera::camera_search::tests_support::seen_chair;
+    use crate::perception::pose::small::seeing_perceiver;
+
+    /// One class at one step of yaw by the textbook, in double precision: the precision matrix S⁻¹ = WᵀW is formed, every learned elevation gives a
+    /// Gaussian of the features and of the offsets given them, and the moments of their mixture are Σ w m and Σ w (s² + (m − mean)²).
+    fn dense(
+        densities: &CameraDensities,
+        shadow: &[f32],
+        elevation: f64,
+        told: &[Option<f64>; OFFSETS],
+        step: usize,
+        class: usize,
+        classes: usize,
+    ) -> (f64, [f64; OFFSETS], [f64; OFFSETS]) {
+        let p = densities.size;
+        let wide = |v: &f16| f64::from(v.to_f32());
+        let z: Vec<f64> = (0..p).map(|h| (0..CELLS).map(|c| f64::from(shadow[c]) * wide(&densities.basis[c * p + h])).sum()).collect();
+        let mut parts: Vec<(f64, [f64; OFFSETS], [f64; OFFSETS])> = Vec::new();
+        for (e, share) in densities.beside(elevation).into_iter().filter(|(_, share)| *share > 0.0) {
+            let place = densities.place(e, step, class, classes);
+            let centred: Vec<f64> = (0..p).map(|i| z[i] - wide(&densities.means[place * p + i])).collect();
+            let root = |i: usize, j: usize| {
+                if j > i { 0.0 } else { wide(&densities.whitening[place * p * (p + 1) / 2 + i * (i + 1) / 2 + j]) }
+            };
+            let precision = |a: usize, b: usize| (0..p).map(|i| root(i, a) * root(i, b)).sum::<f64>();
+            let quadratic: f64 =
+                (0..p).flat_map(|a| (0..p).map(move |b| (a, b))).map(|(a, b)| centred[a] * precision(a, b) * centred[b]).sum();
+            let log_volume: f64 = (0..p).map(|i| root(i, i).ln()).sum();
+            let mean: [f64; OFFSETS] = std::array::from_fn(|j| {
+                let row = place * OFFSETS * p + j * p;
+                f64::from(densities.offsets[place * OFFSETS + j])
+                    + (0..p).map(|i| wide(&densities.regression[row + i]) * centred[i]).sum::<f64>()
+            });
+            let deviation: [f64; OFFSETS] = std::array::from_fn(|j| f64::from(densities.deviations[place * OFFSETS + j]));
+            let of_told: f64 =
+                (0..OFFSETS).filter_map(|j| told[j].map(|v| -0.5 * ((v - mean[j]) / deviation[j]).powi(2) - deviation[j].ln())).sum();
+            parts.push((share.ln() + log_volume - 0.5 * quadratic + of_told, mean, deviation));
+        }
+        let peak = parts.iter().map(|part| part.0).fold(f64::NEG_INFINITY, f64::max);
+        let total: f64 = parts.iter().map(|part| (part.0 - peak).exp()).sum();
+        let weights: Vec<f64> = parts.iter().map(|part| (part.0 - peak).exp() / total).collect();
+        let mean: [f64; OFFSETS] = std::array::from_fn(|j| parts.iter().zip(&weights).map(|(part, w)| w * part.1[j]).sum());
+        let variance =
+            |j: usize| parts.iter().zip(&weights).map(|(part, w)| w * (part.2[j].powi(2) + (part.1[j] - mean[j]).powi(2))).sum::<f64>();
+        (peak + total.ln(), mean, std::array::from_fn(|j| variance(j).sqrt()))
+    }
+
+    #[test]
+    fn scores_and_moments_are_those_of_the_dense_mixture() {
+        let densities = seeing_perceiver().model().camera_densities().expect("learned");
+        let scores = CameraScores::new(Arc::new(densities.clone()));
+        let m = seeing_perceiver().model().classes.len();
+        let (observation, camera) = seen_chair();
+        let frame = ViewFrame::new(&observation, &camera, &mut Vec::new()).expect("enough is seen");
+        let mut shadow = Vec::new();
+        frame.shadow(&observation, &mut ShadowImage::default(), &mut shadow);
+        let (_, scale, place) = frame.seen(&crate::grid::Placed { rotation: yaw(0.2), ..crate::grid::Placed::default() });
+        let all = KnownPlacement { upright: false, yaw: Some(1.4), scale: Some(scale), place: Some(place) };
+        for told in [KnownPlacement::default(), KnownPlacement { scale: Some(scale), ..KnownPlacement::default() }, all] {
+            let mut work = ViewWork::default();
+            scores.score(&frame, &observation, &told, &vec![true; m], &mut work);
+            assert!(!work.cells.is_empty() && (told.yaw.is_some() || work.cells.len() == m * YAWS));
+            for cell in &work.cells {
+                let rest = told.yaw.map(|yaw| wrapped(yaw - CameraDensities::yaw(cell.step)));
+                let place = |axis: usize| told.place.map(|place| place[axis]);
+                let known = [rest, told.scale.map(f64::ln), place(0), place(1), place(2), None, None, None];
+                let (score, mean, deviation) = dense(densities, &shadow, frame.elevation, &known, cell.step, cell.class, m);
+                assert!((cell.score - score).abs() < 1e-3 * (1.0 + score.abs()), "{} {score}", cell.score);
+                for j in 0..OFFSETS {
+                    assert!((cell.offsets[j] - mean[j]).abs() < 1e-3 * (1.0 + mean[j].abs()), "{j}: {} {}", cell.offsets[j], mean[j]);
+                    assert!((cell.deviations[j] - deviation[j]).abs() < 2e-3 * (1.0 + deviation[j]), "{j}");
+                }
+            }
+        }
+    }
+
+    /// N(0, 1) and N(4, 1) alike: mean 2, variance 1 + 4. The mean of the deviations would be 1.
+    #[test]
+    fn a_mixture_is_as_wide_as_its_parts_and_what_lies_between_them() {
+        let mut cell = Cell {
+            class: 0,
+            component: 0,
+            resting: Rotation::identity(),
+            log_prior: 0.0,
+            step: 0,
+            score: f64::NEG_INFINITY,
+            offsets: [0.0; OFFSETS],
+            deviations: [0.0; OFFSETS],
+        };
+        cell.add(0.5_f64.ln(), &[0.0; OFFSETS], &[1.0; OFFSETS]);
+        cell.add(0.5_f64.ln(), &[4.0; OFFSETS], &[1.0; OFFSETS]);
+        assert!(cell.score.abs() < 1e-12 && (cell.offsets[3] - 2.0).abs() < 1e-12);
+        assert!((cell.deviations[3] - 5.0_f64.sqrt()).abs() < 1e-12, "{}", cell.deviations[3]);
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::voxels::{self, Complete, Part, Unknown};
 use crate::grid::{ALONE, Observation, Placed, Turn};
-use crate::perception::basis::reading::Reading;
+use crate::perception::basis::reading::BasisRows;
 use crate::perception::evidence::known::Known;
 use crate::perception::evidence::placed::ObjectFrame;
 use crate::perception::kernels::lanes::{dispatch, dot};
@@ -29,7 +29,7 @@ const UNSEEN_DEVIATION: f32 = 0.01;
 pub struct CompletionScratch {
     /// Classes that take part, and their shares.
     shares: Vec<(usize, f64)>,
-    moved: Moved,
+    moved: TurnScratch,
 }
 
 /// Completes what was classified.
@@ -139,7 +139,7 @@ impl Completion<'_> {
         let slabs = occupancy.par_chunks_mut(slab).zip(deviation.par_chunks_mut(slab));
         slabs.enumerate().try_for_each(|(i, (occupancy, deviation))| {
             let voxels = i * slab..i * slab + occupancy.len();
-            if let Reading::InPlace(rows) = &evidence.rows {
+            if let BasisRows::InPlace(rows) = &evidence.rows {
                 rows.touch_unknown(known, voxels.start / dims.z()..voxels.end / dims.z())?;
             }
             complete(voxels, occupancy, deviation);
@@ -150,7 +150,7 @@ impl Completion<'_> {
 
 /// Memory for completions that are computed in another frame than the one that was asked for.
 #[derive(Default)]
-pub struct Moved {
+pub struct TurnScratch {
     floats: [Vec<f32>; 2],
     bytes: [Vec<u8>; 2],
 }
@@ -158,17 +158,17 @@ pub struct Moved {
 /// How a completion is written.
 pub trait Value: voxels::Value {
     /// Memory for two grids of it.
-    fn scratch(moved: &mut Moved) -> &mut [Vec<Self>; 2];
+    fn scratch(moved: &mut TurnScratch) -> &mut [Vec<Self>; 2];
 }
 
 impl Value for f32 {
-    fn scratch(moved: &mut Moved) -> &mut [Vec<Self>; 2] {
+    fn scratch(moved: &mut TurnScratch) -> &mut [Vec<Self>; 2] {
         &mut moved.floats
     }
 }
 
 impl Value for u8 {
-    fn scratch(moved: &mut Moved) -> &mut [Vec<Self>; 2] {
+    fn scratch(moved: &mut TurnScratch) -> &mut [Vec<Self>; 2] {
         &mut moved.bytes
     }
 }

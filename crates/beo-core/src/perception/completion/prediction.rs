@@ -1,4 +1,4 @@
-//! What a class that was conditioned says of unknown voxels: mean and variance of their latent occupancy, a block of voxels of
+//! Prediction of unknown voxels by a class that was conditioned: mean and variance of their latent occupancy, a block of voxels of
 //! one column at a time.
 //!
 //! The variance of a voxel with row b is ‖S b‖² with a lower triangular S: L⁻¹Λ^½ in the class's own basis, and the factor of the same

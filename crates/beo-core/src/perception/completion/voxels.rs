@@ -26,7 +26,7 @@ fn logit(value: f32) -> f32 {
     lanes::ln(value / (1.0 - value))
 }
 
-/// What the calibration reads of one voxel; also used to fit it.
+/// Features of one voxel that the calibration reads; also used to fit it.
 #[derive(Clone, Copy, Debug)]
 pub struct VoxelFeatures {
     /// Posterior mean m of the occupancy, clamped to \[0, 1\].

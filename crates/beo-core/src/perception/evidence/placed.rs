@@ -10,7 +10,7 @@ use crate::grid::{Dims, Observation, Outside, Placed, Rotation, Turn};
 use crate::linear::LinearError;
 use crate::model::Damaged;
 use crate::perception::PerceiveError;
-use crate::perception::basis::reading::Reading;
+use crate::perception::basis::reading::BasisRows;
 use rayon::prelude::*;
 
 /// An observation in the canonical grid of an object, taken apart.
@@ -30,7 +30,7 @@ impl ObjectFrame {
     ///
     /// # Errors
     /// [`Damaged`] if a part of the model file that is read for the first time is not what was written.
-    pub fn take_as_it_came(&mut self, rows: &Reading, seen: &Observation) -> Result<(), Damaged> {
+    pub fn take_as_it_came(&mut self, rows: &BasisRows, seen: &Observation) -> Result<(), Damaged> {
         rows.take_apart(seen, &mut self.known)
     }
 
@@ -38,13 +38,13 @@ impl ObjectFrame {
     ///
     /// # Errors
     /// [`Damaged`] if a part of the model file that is read for the first time is not what was written.
-    pub fn take_moved(&mut self, rows: &Reading, seen: &Observation, placed: &Placed, outside: Outside) -> Result<(), Damaged> {
+    pub fn take_moved(&mut self, rows: &BasisRows, seen: &Observation, placed: &Placed, outside: Outside) -> Result<(), Damaged> {
         self.turn.set_to_object(placed);
         self.turn.observation_into(seen, outside, &mut self.observation);
         rows.take_apart(&self.observation, &mut self.known)
     }
 
-    /// What is known in the canonical grid.
+    /// The known voxels in the canonical grid.
     pub fn known(&self) -> &Known {
         &self.known
     }
@@ -86,7 +86,7 @@ impl EvidenceScratch {
     }
 }
 
-/// What a class says of an observation.
+/// Evidence of a class.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Evidence {
     /// Log evidence relative to the background, nats, in voxels of the grid that was observed.
@@ -103,7 +103,7 @@ impl Evidence {
 /// The classes of a model as Gaussians over voxels, and the variance of the noise about them.
 pub(crate) struct EvidenceModel {
     /// W' as it is read.
-    pub rows: Reading,
+    pub rows: BasisRows,
     /// One per class.
     pub subspaces: Vec<ClassSubspace>,
     /// σ², inflated.
@@ -122,14 +122,14 @@ impl EvidenceModel {
         scratch.frame.take_moved(&self.rows, seen, placed, outside)
     }
 
-    /// What a class says of the observation that was placed last; its posterior is left in the scratch memory.
+    /// Evidence of a class for the observation that was placed last; its posterior is left in the scratch memory.
     pub fn of_class(&self, class: usize, scratch: &mut EvidenceScratch) -> Result<Evidence, LinearError> {
         let EvidenceScratch { frame, conditional, scale } = scratch;
         self.subspaces[class].condition(&frame.known, self.noise_variance, conditional)?;
         Ok(Evidence { log_ratio: scale.powi(3) * conditional.log_evidence_ratio(), squared_distance: conditional.distance2 })
     }
 
-    /// What a class says of an object that is turned so, like [`Self::of_placed`]. Where W' is read in place, only voxels inside its footprint
+    /// Evidence of a class for an object that is turned so, like [`Self::of_placed`]. Where W' is read in place, only voxels inside its footprint
     /// are counted: relative to the background no other says anything.
     pub fn of_turned(
         &self,
@@ -140,11 +140,11 @@ impl EvidenceModel {
         scratch: &mut EvidenceScratch,
     ) -> Result<Evidence, PerceiveError> {
         match &self.rows {
-            Reading::InPlace(rows) => {
+            BasisRows::InPlace(rows) => {
                 scratch.scale = 1.0;
                 rows.sum_turned(seen, rotation, outside, &mut scratch.frame.known.sums)?;
             }
-            Reading::Derived { .. } => self.place(seen, &Placed::turned(*rotation), outside, scratch)?,
+            BasisRows::Derived { .. } => self.place(seen, &Placed::turned(*rotation), outside, scratch)?,
         }
         Ok(self.of_class(class, scratch)?)
     }

@@ -63,7 +63,7 @@ pub struct Conditional {
     pub distance2: f64,
     /// Posterior mean of the coefficients, k values.
     pub coefficients: Vec<f32>,
-    /// What prediction needs of the posterior, after [`ClassSubspace::prepare`].
+    /// The posterior in the form in which prediction reads it, after [`ClassSubspace::prepare`].
     pub posterior: Posterior,
     gathered: Vec<f32>,
     /// Gram matrix over the unknown voxels, packed lower triangle.
@@ -222,7 +222,7 @@ impl ClassSubspace {
         }
     }
 
-    /// What the posterior predicts of the voxels of a column from `z` on, a multiple of [`LANES`].
+    /// Prediction by the posterior for the voxels of a column from `z` on, a multiple of [`LANES`].
     #[inline(always)]
     pub(in crate::perception) fn predict<const FUSED: bool>(
         &self,

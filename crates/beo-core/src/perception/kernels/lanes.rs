@@ -13,7 +13,7 @@ pub fn load(values: &[f32]) -> &Lanes {
     values.first_chunk().expect("a whole block")
 }
 
-/// What is compiled once for each kind of CPU. Mark `run` and all that it calls `#[inline(always)]`, and write loops
+/// Arithmetic that is compiled once for each kind of CPU. Mark `run` and all that it calls `#[inline(always)]`, and write loops
 /// in it: a closure that is not inlined is compiled for the oldest CPU.
 pub trait Kernel {
     /// Its result.

@@ -16,7 +16,7 @@ use projection::Projection;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// What the paper's estimators read of a model, made on first use.
+/// Tables that the paper's estimators read of a model, made on first use.
 pub(crate) struct PaperModel {
     model: Arc<Model>,
     /// Densities of complete objects.

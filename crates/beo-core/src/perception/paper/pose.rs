@@ -14,7 +14,8 @@ use crate::perception::pool::Pool;
 use crate::perception::pose::grid::{count_for, rotations};
 use crate::perception::pose::posterior::Sample;
 use crate::perception::prepared::Prepared;
-use crate::perception::scored::{Scored, Wanted};
+use crate::perception::scored::{ClassMask, Scored};
+use crate::perception::settings::PAPER;
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, PoseSearch, Query};
 use fixedbitset::FixedBitSet;
@@ -38,17 +39,8 @@ pub enum PaperPose {
     Reprojection,
 }
 
-/// Step of the coarse search about z, and its neighbourhood that is searched finely.
-const COARSE: f64 = 10.0 / 360.0 * TAU;
-/// Step of the fine search about z.
-const FINE: f64 = 1.0 / 360.0 * TAU;
-/// Step of the search over all rotations, as in the paper.
-const STEP: f64 = 20.0 / 360.0 * TAU;
-/// Best rotations of the coarse search over all that the density decides between.
-const FINALISTS: usize = 16;
-
-/// What one candidate gave.
-struct Looked {
+/// A candidate and its scores.
+struct ScoredRotation {
     rotation: Rotation,
     /// The estimator's score, larger is better.
     score: f64,
@@ -60,7 +52,7 @@ struct Looked {
 pub struct PaperSearch<'a> {
     pub prepared: &'a Prepared,
     pub query: &'a Query,
-    pub wanted: &'a Wanted,
+    pub wanted: &'a ClassMask,
     pub pool: &'a Pool<ObjectFrame>,
 }
 
@@ -75,31 +67,32 @@ impl PaperSearch<'_> {
             other => other,
         };
         let prior = query.rotation_prior.log_density(query.pose);
-        let look = |candidates: &[Rotation], estimator: PaperPose| -> Result<Vec<Looked>, PerceiveError> {
+        let look = |candidates: &[Rotation], estimator: PaperPose| -> Result<Vec<ScoredRotation>, PerceiveError> {
             candidates.par_iter().map(|r| self.look(*r, estimator, prior(r), seen)).collect()
         };
-        let best = |looked: &[Looked]| {
+        let best = |looked: &[ScoredRotation]| {
             let better = |best: usize, i: usize| if looked[i].score > looked[best].score { i } else { best };
             (0..looked.len()).fold(0, better)
         };
         let looked = match query.pose {
             PoseSearch::Yaw { span } => {
-                let count = (span / COARSE - 1e-9).ceil().max(1.0) as usize;
+                let count = (span / PAPER.coarse_rad - 1e-9).ceil().max(1.0) as usize;
                 let coarse: Vec<Rotation> = (0..count).map(|i| yaw(i as f64 * span / count as f64)).collect();
                 let found = look(&coarse, estimator)?;
                 let centre = best(&found) as f64 * span / count as f64;
-                let reach = (COARSE / FINE).round() as i32;
+                let reach = (PAPER.coarse_rad / PAPER.fine_rad).round() as i32;
                 let inside = |angle: &f64| span > TAU - 1e-9 || (0.0..span).contains(angle);
-                let fine: Vec<Rotation> = (-reach..=reach).map(|i| centre + f64::from(i) * FINE).filter(inside).map(yaw).collect();
+                let fine: Vec<Rotation> =
+                    (-reach..=reach).map(|i| centre + f64::from(i) * PAPER.fine_rad).filter(inside).map(yaw).collect();
                 // Eq. 21 in the neighbourhood of the coarse estimate.
                 look(&fine, if estimator == PaperPose::Edt { PaperPose::Density } else { estimator })?
             }
             _ => {
-                let candidates: Vec<Rotation> = rotations(count_for(STEP)).collect();
+                let candidates: Vec<Rotation> = rotations(count_for(PAPER.step_rad)).collect();
                 let mut found = look(&candidates, estimator)?;
                 if estimator == PaperPose::Edt {
                     found.sort_by(|a, b| b.score.total_cmp(&a.score));
-                    let finalists: Vec<Rotation> = found.iter().take(FINALISTS).map(|l| l.rotation).collect();
+                    let finalists: Vec<Rotation> = found.iter().take(PAPER.finalists).map(|l| l.rotation).collect();
                     found = look(&finalists, PaperPose::Density)?;
                 }
                 found
@@ -127,7 +120,7 @@ impl PaperSearch<'_> {
         Ok(())
     }
 
-    fn look(&self, rotation: Rotation, estimator: PaperPose, prior: f64, seen: &Observation) -> Result<Looked, PerceiveError> {
+    fn look(&self, rotation: Rotation, estimator: PaperPose, prior: f64, seen: &Observation) -> Result<ScoredRotation, PerceiveError> {
         let rows = &self.prepared.evidence.rows;
         self.pool.with(
             || ObjectFrame::new(rows.dims()),
@@ -145,7 +138,7 @@ impl PaperSearch<'_> {
         prior: f64,
         paper: &PaperModel,
         frame: &ObjectFrame,
-    ) -> Result<Looked, PerceiveError> {
+    ) -> Result<ScoredRotation, PerceiveError> {
         let (query, known) = (self.query, frame.known());
         let (gram, b) = paper.normal_equations(known);
         let projected = projection::solve(&gram, &b, query.projection)?;
@@ -169,7 +162,7 @@ impl PaperSearch<'_> {
             }
             PaperPose::Edt => -self.distance_error(frame.observation(), &single),
         };
-        Ok(Looked { rotation, score, densities })
+        Ok(ScoredRotation { rotation, score, densities })
     }
 
     /// Eq. 20 on the known voxels: ‖D − D̂‖, D of the filled voxels, D̂ of the back-projection's voxels of at least ½.

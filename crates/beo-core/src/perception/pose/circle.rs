@@ -4,7 +4,7 @@
 //! objects held out of ModelNet10's `train`, the best class was another in at most 3 over half a circle and 5 over the whole
 //! (steps of 5° and 15° did alike); the mean error was 5.5° against 5.2°.
 //!
-//! What is guaranteed: the answer is at least as probable as the best angle of the grid, from which the best of all is no
+//! Guarantee: the answer is at least as probable as the best angle of the grid, from which the best of all is no
 //! more than half a step away. A mode exp(κ cos θ) can so be missed for one that is at most κ (1 − cos 5°) nats below it.
 //!
 //! Where the object is expected somewhere, the search begins there as well, and elsewhere steps of 15° do.
@@ -12,29 +12,20 @@
 use super::climb::{Neighbours, climb, parabola};
 use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
+use crate::perception::settings::YAW;
 use std::f64::consts::TAU;
 
-/// Step of the coarse grid, at most; it divides the span.
-const COARSE: f64 = 10.0 / 360.0 * TAU;
-/// The same where there are hints.
-const COARSE_ELSEWHERE: f64 = 15.0 / 360.0 * TAU;
-/// Steps of the hill climbing, each in turn.
-const FINE: [f64; 3] = [5.0 / 360.0 * TAU, 2.0 / 360.0 * TAU, 1.0 / 360.0 * TAU];
 /// Moves by each of them, at most.
 const SWEEPS: usize = 4;
-/// Modes that are refined, at most …
-const MOST_MODES: usize = 8;
-/// … and only those whose peak on the coarse grid is within this of the best one's, in nats.
-const HOPELESS: f64 = 8.0;
 /// Angles nearer than this are the same.
 const SAME: f64 = 1e-7;
 
-/// What to look for.
+/// The search for angles.
 #[derive(Clone, Copy)]
-pub struct Circle<'a> {
+pub struct AngleSearch<'a> {
     /// Angles are in \[0, span), radians; a full turn at most.
     pub span: f64,
-    /// What scores are divided by to be log densities over angles.
+    /// Divisor that makes scores log densities over angles.
     pub temperature: f64,
     /// Log density over rotations, relative to the uniform one.
     pub prior: &'a dyn Fn(&Rotation) -> f64,
@@ -44,7 +35,7 @@ pub struct Circle<'a> {
 
 /// The angles that were looked at. Keeps its memory from search to search.
 #[derive(Clone, Debug, Default)]
-pub struct Looked {
+pub struct ScoredAngles {
     /// In the order of looking; ascending once a search is over.
     angles: Vec<Angle>,
     /// Score of each class at each angle; −∞ for those that are not wanted.
@@ -66,7 +57,7 @@ struct Angle {
     scores: usize,
 }
 
-impl Looked {
+impl ScoredAngles {
     fn clear(&mut self, classes: usize) {
         self.angles.clear();
         self.scores.clear();
@@ -82,14 +73,14 @@ impl Looked {
     }
 
     /// The angle at which each class is most probable, and its score there; `None` for those that are not wanted.
-    pub fn best(&self, circle: &Circle<'_>, class: usize) -> Option<(f64, f64)> {
+    pub fn best(&self, circle: &AngleSearch<'_>, class: usize) -> Option<(f64, f64)> {
         let scored = self.angles.iter().map(|a| (a, self.scores(*a)[class])).filter(|(_, score)| score.is_finite());
         let valued = scored.map(|(a, score)| (score / circle.temperature + a.prior, a.angle, score));
         valued.reduce(|best, next| if next.0 > best.0 { next } else { best }).map(|(_, angle, score)| (angle, score))
     }
 
     /// The posterior's samples: every angle stands for those nearest to it.
-    pub fn samples(&self, circle: &Circle<'_>, out: &mut Vec<Sample>) {
+    pub fn samples(&self, circle: &AngleSearch<'_>, out: &mut Vec<Sample>) {
         out.clear();
         let (n, span) = (self.angles.len(), circle.span);
         let at = |i: usize| self.angles[i].angle;
@@ -108,7 +99,7 @@ impl Looked {
     }
 }
 
-impl Circle<'_> {
+impl AngleSearch<'_> {
     fn is_whole(&self) -> bool {
         self.span > TAU - 1e-9
     }
@@ -119,10 +110,15 @@ impl Circle<'_> {
     }
 
     /// Finds the angles to look at, and leaves them in `looked`, ascending. `look` writes the score of each of `classes` at an angle.
-    pub fn search<E>(&self, classes: usize, looked: &mut Looked, mut look: impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<(), E> {
+    pub fn search<E>(
+        &self,
+        classes: usize,
+        looked: &mut ScoredAngles,
+        mut look: impl FnMut(f64, &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
         looked.clear(classes);
-        let mut look = |angle: f64, looked: &mut Looked| self.look(angle, looked, &mut look);
-        let step = if self.hints.is_empty() { COARSE } else { COARSE_ELSEWHERE };
+        let mut look = |angle: f64, looked: &mut ScoredAngles| self.look(angle, looked, &mut look);
+        let step = if self.hints.is_empty() { YAW.coarse_rad } else { YAW.coarse_elsewhere_rad };
         let count = (self.span / step - 1e-9).ceil().max(1.0) as usize;
         for i in 0..count {
             look(i as f64 * self.span / count as f64, looked)?;
@@ -140,7 +136,7 @@ impl Circle<'_> {
     }
 
     /// Looks at an angle, if nobody has.
-    fn look<E>(&self, angle: f64, looked: &mut Looked, look: &mut impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<Angle, E> {
+    fn look<E>(&self, angle: f64, looked: &mut ScoredAngles, look: &mut impl FnMut(f64, &mut [f64]) -> Result<(), E>) -> Result<Angle, E> {
         if let Some(known) = looked.find(angle) {
             return Ok(known);
         }
@@ -157,8 +153,8 @@ impl Circle<'_> {
     }
 
     /// The peaks of the coarse grid that are worth climbing, best first.
-    fn find_peaks(&self, looked: &mut Looked) {
-        let Looked { angles, peaks, .. } = looked;
+    fn find_peaks(&self, looked: &mut ScoredAngles) {
+        let ScoredAngles { angles, peaks, .. } = looked;
         let n = angles.len();
         let value = |i: usize| angles[i].best.1;
         let below = |i: usize, j: Option<usize>| j.is_none_or(|j| value(j) < value(i) || (value(j) == value(i) && i <= j));
@@ -169,14 +165,19 @@ impl Circle<'_> {
         peaks.extend((0..n).filter(|&i| below(i, left(i)) && below(i, right(i))).map(|i| (value(i), angles[i])));
         peaks.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.angle.total_cmp(&b.1.angle)));
         let best = peaks.first().map_or(0.0, |p| p.0);
-        peaks.retain(|p| p.0 >= best - HOPELESS);
-        peaks.truncate(MOST_MODES);
+        peaks.retain(|p| p.0 >= best - YAW.hopeless_nats);
+        peaks.truncate(YAW.most_modes);
     }
 
     /// Climbs from a peak of the coarse grid.
-    fn climb<E>(&self, start: Angle, looked: &mut Looked, look: &mut impl FnMut(f64, &mut Looked) -> Result<Angle, E>) -> Result<(), E> {
+    fn climb<E>(
+        &self,
+        start: Angle,
+        looked: &mut ScoredAngles,
+        look: &mut impl FnMut(f64, &mut ScoredAngles) -> Result<Angle, E>,
+    ) -> Result<(), E> {
         let mut top = start;
-        for step in FINE {
+        for step in YAW.fine_rad {
             (top, _) = climb((top, top.best.1), &[0], SWEEPS, Neighbours::Both, |at, _, side| {
                 let Some(next) = self.normal(at.angle + side * step) else { return Ok(None) };
                 look(next, looked).map(|next| Some((next, next.best.1)))
@@ -184,7 +185,7 @@ impl Circle<'_> {
         }
         // The top of a parabola through the best angle and its neighbours at two degrees, which smooths what nearest-neighbour
         // resampling adds.
-        let (wide, (class, height)) = (FINE[1], top.best);
+        let (wide, (class, height)) = (YAW.fine_rad[1], top.best);
         let mut sides = [0.0; 2];
         for (side, by) in sides.iter_mut().zip([-wide, wide]) {
             let Some(next) = self.normal(top.angle + by) else { return Ok(()) };
@@ -212,12 +213,12 @@ mod tests {
         0.0
     }
 
-    fn circle(span: f64, hints: &[f64]) -> Circle<'_> {
-        Circle { span, temperature: 1.0, prior: &flat, hints }
+    fn circle(span: f64, hints: &[f64]) -> AngleSearch<'_> {
+        AngleSearch { span, temperature: 1.0, prior: &flat, hints }
     }
 
-    fn search<const M: usize>(circle: &Circle<'_>, score: impl Fn(f64) -> [f64; M]) -> Looked {
-        let mut looked = Looked::default();
+    fn search<const M: usize>(circle: &AngleSearch<'_>, score: impl Fn(f64) -> [f64; M]) -> ScoredAngles {
+        let mut looked = ScoredAngles::default();
         let look = |angle: f64, scores: &mut [f64]| {
             scores.copy_from_slice(&score(angle));
             Ok::<_, Infallible>(())
@@ -260,7 +261,7 @@ mod tests {
     #[test]
     fn an_error_of_the_score_is_passed_on() {
         let look = |a: f64, _: &mut [f64]| if a > 1.0 { Err("no") } else { Ok(()) };
-        assert_eq!(circle(TAU, &[]).search(1, &mut Looked::default(), look).unwrap_err(), "no");
+        assert_eq!(circle(TAU, &[]).search(1, &mut ScoredAngles::default(), look).unwrap_err(), "no");
     }
 
     proptest! {

@@ -4,8 +4,8 @@
 //! peaks, moved by a regression and averaged with what lies around them, are refined (`refine`) and ranked by that score and
 //! the evidence. Of any other observation: the evidence of all rotations of a grid, then the same refinement.
 //!
-//! The constants were chosen on objects held out of the training split of ModelNet10. There, the right mode was among the
-//! first eight of the known class for 95 % of the views; what is wrong after that is the ranking of look-alike sides.
+//! Its settings stand in `settings`. Of objects held out of ModelNet10, the right mode was among the first eight of the known class for
+//! 95 % of the views; what is wrong after that is the ranking of look-alike sides.
 
 use super::grid::{count_for, rotations};
 use super::modes::{Candidate, Mode, modes};
@@ -18,45 +18,19 @@ use crate::perception::evidence::known::Known;
 use crate::perception::evidence::placed::{Evidence, EvidenceScratch};
 use crate::perception::pool::Pool;
 use crate::perception::prepared::{Here, Prepared};
-use crate::perception::scored::{Scored, Wanted};
+use crate::perception::scored::{ClassMask, Scored};
+use crate::perception::settings::FULL;
 use crate::perception::timings::Clock;
 use crate::perception::{Method, PerceiveError, Query};
 use rayon::prelude::*;
 
-/// Best rotations of a class among which modes are sought.
-const CANDIDATES: usize = 200;
-/// The score of a class is T log Σ exp(score / T) over rotations, with this T.
-const SOFT_MAXIMUM: f64 = 4.0;
-/// Rotations around a peak are averaged with weights exp(score / T), with this T.
-const AVERAGING: f64 = 6.0;
-/// Modes that are refined if the class is known …
-const MODES_OF_KNOWN_CLASS: usize = 5;
-/// … else those of the most probable classes.
-const MODES: usize = 2;
-const CLASSES: usize = 4;
-/// Weight of the log evidence against the hull's score, for noise as it is (the evidence goes with its inverse, so the weight
-/// goes with the noise).
-const EVIDENCE_WEIGHT: f64 = 0.1 / 16.0;
-/// What the sum of both is divided by to be a log probability (ECE 0.06 on 540 held-out objects), and the hull's score alone.
-const TEMPERATURE: f64 = 10.0;
-const HULL_TEMPERATURE: f64 = 8.0;
-/// Steps of the refinement, radians.
-const FINE: [f64; 3] = [degrees(4.0), degrees(2.0), degrees(1.0)];
-/// Without densities of views: step of the grid, and of the refinement.
-const COARSE: f64 = degrees(30.0);
-const FINE_FROM_COARSE: [f64; 4] = [degrees(8.0), degrees(4.0), degrees(2.0), degrees(1.0)];
-
-const fn degrees(value: f64) -> f64 {
-    value / 180.0 * std::f64::consts::PI
-}
-
-/// What is known beforehand.
+/// Prior knowledge.
 struct Prior<'a> {
     /// Log density over rotations, relative to the uniform one.
     log_density: &'a (dyn Fn(&Rotation) -> f64 + Sync),
     /// Rotations to look at besides the grid.
     hints: Vec<Rotation>,
-    wanted: &'a Wanted,
+    wanted: &'a ClassMask,
 }
 
 impl Prior<'_> {
@@ -68,9 +42,9 @@ impl Prior<'_> {
     fn modes_to_refine(&self, scores: &[f64]) -> Vec<usize> {
         let mut order: Vec<usize> = self.classes().collect();
         order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
-        let most = if order.len() == 1 { MODES_OF_KNOWN_CLASS } else { MODES };
+        let most = if order.len() == 1 { FULL.modes_of_known_class } else { FULL.modes };
         let mut counts = vec![0; scores.len()];
-        order.iter().take(CLASSES).for_each(|s| counts[*s] = most);
+        order.iter().take(FULL.classes).for_each(|s| counts[*s] = most);
         counts
     }
 
@@ -111,7 +85,7 @@ pub struct FullSearch<'a> {
     pub prepared: &'a Prepared,
     pub here: &'a Here,
     pub query: &'a Query,
-    pub wanted: &'a Wanted,
+    pub wanted: &'a ClassMask,
     /// Which view of the model's the observation was taken from, if one.
     pub view: Option<usize>,
 }
@@ -130,8 +104,8 @@ impl FullSearch<'_> {
         let hints = self.query.rotation_prior.centres().copied().collect();
         let prior = Prior { log_density: &log_density, hints, wanted: self.wanted };
         if !out.informed {
-            let usual = 1.0 / count_for(COARSE) as f64;
-            let grid = rotations(count_for(COARSE)).map(|rotation| (rotation, usual));
+            let usual = 1.0 / count_for(FULL.coarse_rad) as f64;
+            let grid = rotations(count_for(FULL.coarse_rad)).map(|rotation| (rotation, usual));
             for (rotation, share) in grid.chain(prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual)))) {
                 let log_density = (prior.log_density)(&rotation);
                 out.samples.extend(prior.classes().map(|class| Sample { rotation, class, log_density, share }));
@@ -166,8 +140,8 @@ impl FullSearch<'_> {
     ) -> Result<(), PerceiveError> {
         let m = self.prepared.classes();
         let by_evidence = self.query.method == Method::Auto;
-        let temperature = if by_evidence { TEMPERATURE } else { HULL_TEMPERATURE };
-        let weight = EVIDENCE_WEIGHT * self.prepared.model.metadata.calibration.noise_inflation;
+        let temperature = if by_evidence { FULL.temperature } else { FULL.hull_temperature };
+        let weight = FULL.evidence_weight * self.prepared.model.metadata.calibration.noise_inflation;
         let map = HeightMap::of(seen);
         let screen = self.here.views.screen(&map, prior.wanted);
         let mut peaks: Vec<Option<Peaks>> = (0..m)
@@ -180,14 +154,14 @@ impl FullSearch<'_> {
         for (peaks, most) in peaks.iter_mut().zip(prior.modes_to_refine(&scores)) {
             if let Some(peaks) = peaks {
                 // The others need a mode as well: what it is, not how well it fits.
-                peaks.modes = modes(&peaks.candidates, AVERAGING, most.max(1));
+                peaks.modes = modes(&peaks.candidates, FULL.averaging_nats, most.max(1));
             }
         }
         if by_evidence {
             let scaled = |rotation: &Rotation| (prior.log_density)(rotation) * temperature / weight;
             let refiner = self.refiner(seen, known, &scaled, scratch);
             let counts = prior.modes_to_refine(&scores);
-            refine_all(&refiner, &mut peaks, &counts, &FINE)?;
+            refine_all(&refiner, &mut peaks, &counts, &FULL.fine_rad)?;
         }
         // Where no evidence was computed it says as little as where it was least.
         let best = |p: &Peaks| p.refined.iter().map(|r| weight * r.evidence.log_ratio).fold(f64::NEG_INFINITY, f64::max);
@@ -221,10 +195,10 @@ impl FullSearch<'_> {
             })
             .collect();
         let all = cells.iter().map(|c| c.0).chain(hints.iter().map(|h| h.score));
-        let total = SOFT_MAXIMUM * log_sum_exp(all.map(|score| score / SOFT_MAXIMUM));
+        let total = FULL.soft_maximum_nats * log_sum_exp(all.map(|score| score / FULL.soft_maximum_nats));
         let falling = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
-        cells.select_nth_unstable_by(CANDIDATES, falling);
-        cells.truncate(CANDIDATES);
+        cells.select_nth_unstable_by(FULL.candidates, falling);
+        cells.truncate(FULL.candidates);
         cells.sort_by(falling);
         let usual = 1.0 / CELLS as f64;
         let mut looked: Vec<(Candidate, f64)> = hints.into_iter().map(|hint| (hint, prior.share(&hint.rotation, usual))).collect();
@@ -255,9 +229,9 @@ impl FullSearch<'_> {
         };
         let m = self.prepared.classes();
         let raw = |evidence: &Evidence| if by_distance { -evidence.squared_distance } else { evidence.log_ratio };
-        let usual = 1.0 / count_for(COARSE) as f64;
+        let usual = 1.0 / count_for(FULL.coarse_rad) as f64;
         let mut grid: Vec<(Rotation, f64)> = prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual))).collect();
-        grid.extend(rotations(count_for(COARSE)).map(|rotation| (rotation, usual)));
+        grid.extend(rotations(count_for(FULL.coarse_rad)).map(|rotation| (rotation, usual)));
         let scores: Vec<Vec<f64>> = grid
             .par_iter()
             .map(|(rotation, _)| {
@@ -301,7 +275,7 @@ impl FullSearch<'_> {
         }
         let scaled = |rotation: &Rotation| (prior.log_density)(rotation) / weight;
         let refiner = self.refiner(seen, known, &scaled, scratch);
-        refine_all(&refiner, &mut peaks, &counts, &FINE_FROM_COARSE)?;
+        refine_all(&refiner, &mut peaks, &counts, &FULL.fine_from_coarse_rad)?;
 
         out.scores.resize(m, f64::NEG_INFINITY);
         out.posterior.resize(m, f64::NEG_INFINITY);
@@ -379,7 +353,7 @@ mod tests {
         let query = Query::default();
         let search = FullSearch { prepared, here, query: &query, wanted: &[true; 3], view: Some(0) };
         let prior = Prior { log_density: &|_| 0.0, hints: Vec::new(), wanted: &[true; 3] };
-        let grid: Vec<Rotation> = rotations(count_for(degrees(8.0))).collect();
+        let grid: Vec<Rotation> = rotations(count_for(8_f64.to_radians())).collect();
         let (mut near, mut count) = (0, 0);
         for seed in 0..8 {
             let truth = grid[seed as usize * 3001 % grid.len()];
@@ -389,11 +363,11 @@ mod tests {
             for class in 0..3 {
                 let peaks = search.peaks_of_views(class, &screen, &map, &prior, 1.0);
                 assert!(peaks.candidates.is_sorted_by(|a, b| a.score >= b.score));
-                let found = modes(&peaks.candidates, AVERAGING, MODES_OF_KNOWN_CLASS);
+                let found = modes(&peaks.candidates, FULL.averaging_nats, FULL.modes_of_known_class);
                 let scores: Vec<f64> = grid.par_iter().map(|r| here.views.score_at(&map, r, class)).collect();
                 let best = (0..grid.len()).fold(0, |best, i| if scores[i] > scores[best] { i } else { best });
                 // What the finer grid finds beyond the coarse one is a fraction of what sets modes apart.
-                near += usize::from(found.iter().any(|mode| mode.rotation.angle_to(&grid[best]) < degrees(20.0)));
+                near += usize::from(found.iter().any(|mode| mode.rotation.angle_to(&grid[best]) < 20_f64.to_radians()));
                 count += 1;
             }
         }

@@ -6,7 +6,7 @@ use super::climb::parabola;
 use crate::grid::{Counts, Observation, Rotation, yaw};
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
 use crate::perception::perceiver::Workspace;
-use crate::perception::percept::{Lay, ScaleSearch};
+use crate::perception::percept::ScaleSearch;
 use crate::perception::prepared::{Level, Prepared};
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, Percept, PoseSearch, Query};
@@ -70,8 +70,9 @@ impl LevelSearch<'_> {
             *stage += started;
         }
         percept.placed.shift *= factor;
-        if let Some(Lay { extent, extent_deviation, position_deviation }) = &mut percept.lay {
-            [extent, extent_deviation, position_deviation].into_iter().flatten().for_each(|length| *length *= factor);
+        if let Some(found) = &mut percept.object_box {
+            let lengths = [&mut found.extent_voxels, &mut found.extent_deviation_voxels, &mut found.position_deviation_voxels];
+            lengths.into_iter().flatten().for_each(|length| *length *= factor);
         }
         if percept.informed && percept.placed.is_turned_only() && self.query.pose != PoseSearch::Known {
             self.weigh_hypotheses(scratch, percept)?;

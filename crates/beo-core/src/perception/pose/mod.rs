@@ -39,7 +39,7 @@ pub(super) mod yaw_search;
 pub use posterior::Hypothesis;
 pub use prior::RotationPrior;
 
-/// What is known of the rotation from object axes to grid axes.
+/// Knowledge of the rotation from object axes to grid axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PoseSearch {
     /// None: the grid stands as the training shapes do.

@@ -32,7 +32,7 @@ pub struct Refiner<'a> {
     pub seen: &'a Observation,
     /// The same, taken apart.
     pub known: &'a Known,
-    /// What lies beyond the grid.
+    /// Content of the space beyond the grid.
     pub outside: Outside,
     /// Log density over rotations, relative to the uniform one, on the scale of Q.
     pub prior: &'a (dyn Fn(&Rotation) -> f64 + Sync),
@@ -100,7 +100,7 @@ impl Refiner<'_> {
     }
 }
 
-/// What a voxel of the reconstruction gives to Q, (filled, unknown), one pair per voxel.
+/// The gain of a voxel of the reconstruction in Q, (filled, unknown), one pair per voxel.
 struct Field {
     dims: Dims,
     gains: Vec<[f32; 2]>,

@@ -1,7 +1,7 @@
 //! Class and angle about z, jointly: by the hull's projection for views from above that the model knows, by the evidence or the distance to the
 //! class means for any other observation.
 
-use super::circle::{Circle, Looked};
+use super::circle::{AngleSearch, ScoredAngles};
 use super::yaw::{HullColumns, log_residual};
 use crate::grid::{Observation, Placed, yaw, yaw_of};
 use crate::perception::densities::blend::ClassScores;
@@ -9,7 +9,7 @@ use crate::perception::densities::log_sum::softmax;
 use crate::perception::evidence::placed::ObjectFrame;
 use crate::perception::known_pose::{ClassPosteriors, ProjectionScratch};
 use crate::perception::prepared::{Here, Prepared};
-use crate::perception::scored::{Scored, Wanted};
+use crate::perception::scored::{ClassMask, Scored};
 use crate::perception::timings::Clock;
 use crate::perception::{Method, PerceiveError, Query};
 
@@ -17,7 +17,7 @@ use crate::perception::{Method, PerceiveError, Query};
 #[derive(Default)]
 pub struct YawScratch {
     columns: HullColumns,
-    looked: Looked,
+    looked: ScoredAngles,
     /// Angles that the prior points to.
     hints: Vec<f64>,
     /// Angles at which classes are scored.
@@ -29,7 +29,7 @@ pub struct YawSearch<'a> {
     pub prepared: &'a Prepared,
     pub here: &'a Here,
     pub query: &'a Query,
-    pub wanted: &'a Wanted,
+    pub wanted: &'a ClassMask,
     /// Which view of the model's the observation was taken from, if one.
     pub view: Option<usize>,
     /// Angles are in \[0, span), radians.
@@ -54,7 +54,7 @@ impl YawSearch<'_> {
         let YawScratch { columns, looked, hints, finals } = scratch;
         hints.clear();
         hints.extend(self.query.rotation_prior.centres().map(yaw_of));
-        let circle = |temperature: f64| Circle { span: self.span, temperature, prior: &prior, hints };
+        let circle = |temperature: f64| AngleSearch { span: self.span, temperature, prior: &prior, hints };
         let calibration = &self.prepared.model.metadata.calibration;
         if !out.informed {
             let circle = circle(1.0);
@@ -106,8 +106,8 @@ impl YawSearch<'_> {
     fn search_hull(
         &self,
         view: usize,
-        circle: &Circle<'_>,
-        looked: &mut Looked,
+        circle: &AngleSearch<'_>,
+        looked: &mut ScoredAngles,
         frame: &ObjectFrame,
         columns: &mut HullColumns,
         projection: &mut ProjectionScratch,
@@ -130,8 +130,8 @@ impl YawSearch<'_> {
     fn classify_angles(
         &self,
         view: usize,
-        circle: &Circle<'_>,
-        looked: &Looked,
+        circle: &AngleSearch<'_>,
+        looked: &ScoredAngles,
         columns: &mut HullColumns,
         finals: &mut Vec<f64>,
         projection: &mut ProjectionScratch,

@@ -125,9 +125,9 @@ fn see(producer: &Producer, captured: &Scene, options: &GridOptions, due_ns: u64
     let laid = lay_grids(captured.frame(), options);
     let laid_ns = monotonic_ns();
     let mut sent = 0;
-    for carver in laid.objects.iter().filter_map(|object| object.carver.as_ref().ok()) {
+    for carver in laid.carvers().filter_map(|(_, carver)| carver.ok()) {
         let mut loan = producer.loan()?;
-        carve(carver, loan.voxels_mut())?;
+        carve(&carver, loan.voxels_mut())?;
         let template = *loan.header();
         *loan.header_mut() = ObservationHeader {
             producer_id: template.producer_id,

@@ -81,7 +81,7 @@ mod tests {
         let scene = six_objects();
         let laid = lay_grids(scene.frame(), &GridOptions::new([30; 3]));
         assert_eq!(laid.objects.iter().map(|object| object.object).collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6]);
-        assert!(laid.objects.iter().all(|object| object.carver.is_ok()));
-        assert!((laid.support.unwrap().height(&Point3::origin()) - CAMERA[2]).abs() < 2e-3);
+        assert!(laid.objects.iter().all(|object| object.grid.is_ok()));
+        assert!((laid.supports[0].height(&Point3::origin()) - CAMERA[2]).abs() < 2e-3);
     }
 }

@@ -6,10 +6,10 @@
 use super::questions::Question;
 use crate::benchmark::percentiles::Percentiles;
 use beo_core::perception::{PerceiveError, Perceiver, Percept};
-use npyz::{NpyFile, WriterBuilder};
+use beo_shapes::npy::{NpyHeader, write_npy_header};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -188,15 +188,15 @@ impl Peers {
     fn write_queries(&self, questions: &[Question]) -> std::io::Result<()> {
         let Some(first) = questions.first() else { return Ok(()) };
         let dims = first.observation.dims();
-        let shape: Vec<u64> = [questions.len()].into_iter().chain(<[usize; 3]>::from(dims)).map(|n| n as u64).collect();
-        let file = BufWriter::new(File::create(self.folder.join("queries.npy"))?);
-        let mut writer = npyz::WriteOptions::<u8>::new().default_dtype().shape(&shape).writer(file).begin_nd()?;
+        let shape: Vec<usize> = [questions.len()].into_iter().chain(<[usize; 3]>::from(dims)).collect();
+        let mut file = BufWriter::new(File::create(self.folder.join("queries.npy"))?);
+        write_npy_header::<u8>(&mut file, &shape)?;
         let mut codes = vec![0; dims.voxels()];
         for question in questions {
             question.observation.write(&mut codes);
-            writer.extend(codes.iter().copied())?;
+            file.write_all(&codes)?;
         }
-        writer.finish()
+        file.flush()
     }
 
     /// Runs a peer with this many threads, and compares its answers with ours.
@@ -257,7 +257,8 @@ impl Peers {
 
     fn read(&self, name: &str) -> Result<Vec<f32>, String> {
         let bytes = fs::read(self.folder.join(name)).map_err(|error| format!("no {name}: {error}"))?;
-        NpyFile::new(&bytes[..]).and_then(|file| file.into_vec()).map_err(|error| format!("a {name} that cannot be read: {error}"))
+        let numbers = NpyHeader::parse(&bytes).and_then(|header| header.numbers(&bytes));
+        numbers.map_err(|error| format!("a {name} that cannot be read: {error}"))
     }
 }
 

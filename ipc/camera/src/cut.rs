@@ -1,0 +1,95 @@
+//! What cuts an object off in the image: its border, or something nearer.
+
+use crate::joining::Joint;
+
+/// What cuts an object off in the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cut {
+    /// It touches the border of the image, or of what the sensor sees of it.
+    pub border: bool,
+    /// Something nearer hides a part of it.
+    pub occluder: bool,
+}
+
+/// A strip without readings along the border of the image is the border, up to this share of its side.
+const BLIND: usize = 12;
+/// Pixels beyond an object's edge where what hides it is looked for: readings at the edge itself fly.
+const BEYOND: isize = 3;
+/// Share of an object's edge along which something nearer must lie.
+const LEAST_SHARE: f64 = 0.08;
+
+/// What cuts off the object with these `pixels` in a depth image of `width` × `height` pixels, all of whose own have its label.
+pub fn cut(depth: &[f32], labels: &[u16], [width, height]: [usize; 2], joint: &Joint, pixels: &[u32]) -> Cut {
+    let mut found = Cut::default();
+    let (mut edge, mut hidden) = (0_usize, 0_usize);
+    for pixel in pixels {
+        let pixel = *pixel as usize;
+        let (u, v) = ((pixel % width) as isize, (pixel / width) as isize);
+        let (z, label) = (depth[pixel], labels[pixel]);
+        for [down, right] in crate::joining::FOUR {
+            let inside = |steps: isize| {
+                let (u, v) = (u + steps * right, v + steps * down);
+                (u >= 0 && v >= 0 && u < width as isize && v < height as isize).then(|| v as usize * width + u as usize)
+            };
+            let Some(beside) = inside(1) else {
+                found.border = true;
+                continue;
+            };
+            if labels[beside] == label {
+                continue;
+            }
+            edge += 1;
+            if let Some(beyond) = inside(BEYOND) {
+                hidden += usize::from(labels[beyond] != label && depth[beyond] > 0.0 && z - depth[beyond] > 2.0 * joint.reach(z));
+            }
+            if !found.border && depth[beside] == 0.0 {
+                let side = if right == 0 { height } else { width };
+                let most = (side / BLIND) as isize;
+                let end = (1..=most).find(|steps| inside(*steps).is_none_or(|other| depth[other] > 0.0));
+                found.border = end.is_some_and(|end| inside(end).is_none());
+            }
+        }
+    }
+    found.occluder = edge > 0 && hidden as f64 >= LEAST_SHARE * edge as f64;
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rays::Rays;
+    use crate::{Intrinsics, SensorModel};
+
+    /// What cuts a square of label 1 at 1 m, from column `left` on, with something at `near` metres over its right half if that is above 0,
+    /// and no reading in the first `blind` columns.
+    fn of(left: usize, near: f32, blind: usize) -> Cut {
+        let camera = Intrinsics::new(120, 90, [110.0; 2], [59.5, 44.5], [0.0; 5]).unwrap();
+        let joint = Joint::new(&Rays::new(&camera), &SensorModel::default());
+        let mut depth = vec![1.3_f32; 120 * 90];
+        let mut labels = vec![0_u16; depth.len()];
+        for pixel in 0..depth.len() {
+            let (u, v) = (pixel % 120, pixel / 120);
+            if (30..60).contains(&v) && (left..left + 30).contains(&u) {
+                (depth[pixel], labels[pixel]) = (1.0, 1);
+            }
+            if near > 0.0 && (20..70).contains(&v) && (left + 15..left + 40).contains(&u) {
+                (depth[pixel], labels[pixel]) = (near, 2);
+            }
+            if u < blind {
+                (depth[pixel], labels[pixel]) = (0.0, 0);
+            }
+        }
+        let pixels: Vec<u32> = (0..depth.len() as u32).filter(|pixel| labels[*pixel as usize] == 1).collect();
+        cut(&depth, &labels, [120, 90], &joint, &pixels)
+    }
+
+    #[test]
+    fn the_border_and_what_is_nearer_cut_and_what_is_farther_does_not() {
+        assert_eq!(of(40, 0.0, 0), Cut::default());
+        assert_eq!(of(0, 0.0, 0), Cut { border: true, occluder: false });
+        assert_eq!(of(4, 0.0, 6), Cut { border: true, occluder: false }, "a blind strip is the border");
+        assert_eq!(of(40, 0.0, 6), Cut::default(), "a blind strip far away is not");
+        assert_eq!(of(40, 0.8, 0), Cut { border: false, occluder: true });
+        assert_eq!(of(40, 1.25, 0), Cut::default());
+    }
+}

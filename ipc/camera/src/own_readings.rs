@@ -1,0 +1,238 @@
+//! Which readings of a mask are the object's own.
+//!
+//! Masks are some pixels too wide, shifted, or boxes, and depth smears at edges. In this order:
+//! 1. Readings at the support plane are the plane's: below a height that follows the plane's own scatter and the height of the object,
+//!    so that flat things do not vanish. What is low but enclosed by the object's readings and joined to them (the floor of a bowl, the
+//!    middle of a plate) stays.
+//! 2. Readings that are joined to few neighbours fly between two surfaces.
+//! 3. Of what remains, the largest piece, with every piece near it in space or cut off from it by something nearer. The rest is far.
+
+use crate::SensorModel;
+use crate::joining::{EIGHT, FOUR, Joint, nearest, neighbours, pieces, samples};
+use crate::rays::Rays;
+use crate::support::Plane;
+use nalgebra::Vector3;
+
+/// A support plane where one object stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocalSupport {
+    /// The plane.
+    pub plane: Plane,
+    /// Scatter of the readings around the object about it, metres: one standard deviation.
+    pub deviation_m: f64,
+}
+
+/// Which readings are the object's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OwnReadings {
+    /// Pixels of the object, ascending.
+    pub pixels: Vec<u32>,
+    /// Pixels whose readings fly between surfaces, and are nobody's.
+    pub flying: Vec<u32>,
+    /// Share of the mask's readings at or below the support plane.
+    pub share_support: f64,
+    /// Share that flies between surfaces.
+    pub share_edge: f64,
+    /// Share in pieces that do not belong to the main one.
+    pub share_far: f64,
+}
+
+/// A frame that is looked at, object by object.
+pub struct Scene<'a> {
+    /// Directions of the pixels.
+    pub rays: &'a Rays,
+    /// Readings, metres; 0 for none.
+    pub depth: &'a [f32],
+    /// The mask's labels.
+    pub labels: &'a [u16],
+    /// The sensor.
+    pub sensor: &'a SensorModel,
+    /// What neighbours are on one surface.
+    pub joint: Joint,
+}
+
+/// Readings nearer to the plane than this are the plane's whatever the object, metres; or than so many deviations of it.
+const LEAST_HEIGHT_M: f64 = 0.003;
+const LEAST_DEVIATIONS: f64 = 3.0;
+/// Where the mask is too wide, readings at the foot of a high object are the plane's up to this height, metres, or this share of its own.
+const FOOT_M: f64 = 0.012;
+const FOOT_SHARE: f64 = 0.3;
+/// Neighbours of eight that a reading must be joined to.
+const LEAST_NEIGHBOURS: usize = 3;
+/// Pieces nearer than this hang together, metres, or than so many pixels.
+const GAP_M: f32 = 0.02;
+const GAP_PIXELS: f32 = 6.0;
+/// Or than this share of the largest one's extent, at most metres: a bowl's near wall hides what joins it to the far one.
+const GAP_SHARE: f32 = 0.5;
+const GAP_MOST_M: f32 = 0.06;
+/// Share of the main piece below which a piece is a speck.
+const SPECK: f64 = 0.01;
+
+const NONE: u8 = 0;
+const LOW: u8 = 1;
+const HIGH: u8 = 2;
+const FLYING: u8 = 3;
+const PLANE: u8 = 4;
+const DONE: u8 = 5;
+
+/// Finds an object's own readings among those of its mask. `state` has a 0 for every pixel of the image, before and after.
+pub fn own_readings(scene: &Scene<'_>, mask: &[u32], support: Option<&LocalSupport>, least: usize, state: &mut [u8]) -> OwnReadings {
+    let heights: Vec<f32> = match support {
+        Some(support) => {
+            let (n, offset) = (support.plane.normal().into_inner().cast::<f32>(), support.plane.offset() as f32);
+            mask.iter().map(|pixel| n.dot(&scene.rays.point(*pixel as usize, scene.depth[*pixel as usize])) + offset).collect()
+        }
+        None => Vec::new(),
+    };
+    let mut found = OwnReadings::default();
+    for strict in [false, true] {
+        found = attempt(scene, mask, &heights, support, strict, state);
+        if found.pixels.len() >= least.max(mask.len() / 20) {
+            break;
+        }
+    }
+    found
+}
+
+fn attempt(
+    scene: &Scene<'_>,
+    mask: &[u32],
+    heights: &[f32],
+    support: Option<&LocalSupport>,
+    strict: bool,
+    state: &mut [u8],
+) -> OwnReadings {
+    let (width, height) = (scene.rays.width(), scene.rays.height());
+    let mut found = OwnReadings::default();
+    let mut low = Vec::new();
+    if let Some(support) = support {
+        let least = LEAST_HEIGHT_M.max(LEAST_DEVIATIONS * support.deviation_m) as f32;
+        let top = percentile(heights, 0.95);
+        let foot = if strict { least } else { least.max((FOOT_SHARE as f32 * top).min(FOOT_M as f32)) };
+        for (pixel, h) in mask.iter().zip(heights) {
+            state[*pixel as usize] = if *h > foot { HIGH } else { LOW };
+        }
+        // From outside of the mask through what is low.
+        let label = mask.first().map_or(0, |pixel| scene.labels[*pixel as usize]);
+        let mut reached: Vec<u32> = Vec::new();
+        for pixel in mask {
+            let p = *pixel as usize;
+            if state[p] == LOW && neighbours(FOUR, p, width, height).any(|other| scene.labels[other] != label) {
+                state[p] = PLANE;
+                reached.push(*pixel);
+            }
+        }
+        while let Some(pixel) = reached.pop() {
+            low.push(pixel);
+            for other in neighbours(FOUR, pixel as usize, width, height) {
+                if state[other] == LOW {
+                    state[other] = PLANE;
+                    reached.push(other as u32);
+                }
+            }
+        }
+        // What is low but enclosed is the object's, unless it is the plane itself, seen through a handle, say.
+        for (pixel, h) in mask.iter().zip(heights) {
+            if state[*pixel as usize] == LOW {
+                let own = *h > least;
+                state[*pixel as usize] = if own { HIGH } else { PLANE };
+                low.extend((!own).then_some(*pixel));
+            }
+        }
+    } else {
+        mask.iter().for_each(|pixel| state[*pixel as usize] = HIGH);
+    }
+    let flying: Vec<u32> = mask
+        .iter()
+        .copied()
+        .filter(|pixel| {
+            let z = scene.depth[*pixel as usize];
+            let joined = |other: &usize| matches!(state[*other], HIGH | FLYING) && scene.joint.joins(z, scene.depth[*other]);
+            state[*pixel as usize] == HIGH && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < LEAST_NEIGHBOURS
+        })
+        .collect();
+    flying.iter().for_each(|pixel| state[*pixel as usize] = FLYING);
+    let all = pieces(scene.rays, scene.depth, &scene.joint, mask, state, HIGH, DONE);
+    let (main, far) = main_pieces(scene, &all);
+    let count = mask.len().max(1) as f64;
+    found.share_support = low.len() as f64 / count;
+    found.share_edge = flying.len() as f64 / count;
+    found.share_far = far as f64 / count;
+    found.pixels = main;
+    found.flying = flying;
+    found.pixels.sort_unstable();
+    mask.iter().for_each(|pixel| state[*pixel as usize] = NONE);
+    found
+}
+
+/// The pixels of the largest piece and of those that belong to it; and how many are left.
+fn main_pieces(scene: &Scene<'_>, all: &[crate::joining::Piece]) -> (Vec<u32>, usize) {
+    let Some(first) = all.first() else { return (Vec::new(), 0) };
+    let speck = ((SPECK * first.pixels.len() as f64) as usize).max(4);
+    let mut main = first.pixels.clone();
+    let size = extent(scene, &first.pixels);
+    let mut points = samples(scene.rays, scene.depth, &first.pixels);
+    let mut waiting: Vec<&crate::joining::Piece> = all[1..].iter().filter(|piece| piece.pixels.len() >= speck).collect();
+    let mut far: usize = all[1..].iter().map(|piece| piece.pixels.len()).sum();
+    loop {
+        let before = waiting.len();
+        waiting.retain(|piece| {
+            let own = samples(scene.rays, scene.depth, &piece.pixels);
+            let Some((distance, ends)) = nearest(&points, &own) else { return true };
+            let z = scene.depth[ends[0] as usize].min(scene.depth[ends[1] as usize]);
+            let near = GAP_M.max(GAP_PIXELS * scene.rays.pitch(z)).max((GAP_SHARE * size).min(GAP_MOST_M));
+            let is_near = distance < near || is_hidden_between(scene, ends);
+            if is_near {
+                main.extend_from_slice(&piece.pixels);
+                points.extend(own);
+                far -= piece.pixels.len();
+            }
+            !is_near
+        });
+        if waiting.len() == before || waiting.is_empty() {
+            return (main, far);
+        }
+    }
+}
+
+/// How far a piece reaches, metres.
+fn extent(scene: &Scene<'_>, pixels: &[u32]) -> f32 {
+    let points = samples(scene.rays, scene.depth, pixels);
+    let low = points.iter().fold(Vector3::repeat(f32::INFINITY), |low, (p, _)| low.inf(p));
+    let high = points.iter().fold(Vector3::repeat(f32::NEG_INFINITY), |high, (p, _)| high.sup(p));
+    (high - low).max()
+}
+
+/// Whether all between two pixels is nearer than both: one surface behind something.
+fn is_hidden_between(scene: &Scene<'_>, ends: [u32; 2]) -> bool {
+    let width = scene.rays.width();
+    let at = |pixel: u32| [(pixel as usize % width) as f32, (pixel as usize / width) as f32];
+    let (a, b) = (at(ends[0]), at(ends[1]));
+    let [za, zb] = ends.map(|pixel| scene.depth[pixel as usize]);
+    let steps = (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) as usize;
+    if steps < 3 {
+        return true;
+    }
+    let (mut nearer, mut seen) = (0, 0);
+    for step in 1..steps {
+        let share = step as f32 / steps as f32;
+        let (u, v) = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]));
+        let z = scene.depth[v.round() as usize * width + u.round() as usize];
+        let expected = za + share * (zb - za);
+        if z > 0.0 {
+            seen += 1;
+            nearer += usize::from(z < expected - scene.joint.reach(expected));
+        }
+    }
+    seen > 0 && nearer * 5 >= seen * 4
+}
+
+/// The value below which `share` of the values lie.
+pub fn percentile(values: &[f32], share: f64) -> f32 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let mut sorted = values.to_vec();
+    let at = ((share * (sorted.len() - 1) as f64).round() as usize).min(sorted.len() - 1);
+    *sorted.select_nth_unstable_by(at, f32::total_cmp).1
+}

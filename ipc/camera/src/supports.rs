@@ -1,0 +1,254 @@
+//! The planes that the objects of a frame stand on, and what is up.
+//!
+//! Every plane of the frame is a candidate. What is up is given, or is the normal of the plane that most objects stand on: readings around
+//! their masks lie on it and the objects above it. All planes with that normal are supports: an object stands on the highest one below it
+//! that is seen around it.
+
+use crate::SensorModel;
+use crate::blocks::{Block, flat_blocks};
+use crate::own_readings::{LocalSupport, Scene, percentile};
+use crate::planes::{FoundPlane, find_planes};
+use crate::rays::Rays;
+use crate::support::Plane;
+use nalgebra::{Unit, Vector3};
+
+/// How far the plane that things stand on may be from the given direction up: cosine of 15°.
+const UPRIGHT: f64 = 0.965_925_826_289_068_3;
+/// How far supports may be from each other: cosine of 8°.
+const PARALLEL: f64 = 0.990_268;
+/// What a plane counts for that only a rolled camera, or one that looks up, sees as a floor.
+const UNUSUAL: f64 = 0.4;
+/// Planes of a frame, at most.
+const MOST_PLANES: usize = 5;
+
+/// What is known of a frame's supports before it is looked at.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SupportSearch {
+    /// What is up in the camera frame, if it is known.
+    pub up: Option<Unit<Vector3<f64>>>,
+    /// The label whose pixels are the support.
+    pub label: Option<u16>,
+}
+
+/// Supports of a frame.
+#[derive(Clone, Debug)]
+pub struct Supports {
+    /// What is up in the camera frame.
+    pub up: Unit<Vector3<f64>>,
+    /// The planes, the main one first; may be empty where up was given.
+    pub planes: Vec<FoundPlane>,
+    /// How far the given direction up was from the plane's normal, radians, where it was corrected.
+    pub corrected_rad: Option<f64>,
+    /// Which labels are a support, ascending.
+    pub labels: Vec<u16>,
+}
+
+/// Objects of a frame by their pixels with readings.
+pub type Masks<'a> = [(u16, &'a [u32])];
+
+/// The supports of a frame with masks; `None` where nothing says what is up.
+pub fn find_supports(scene: &Scene<'_>, masks: &Masks<'_>, search: &SupportSearch) -> Option<Supports> {
+    let mut labels: Vec<u16> = Vec::new();
+    if let Some(label) = search.label {
+        labels.push(label);
+    } else {
+        labels = masks.iter().filter(|(_, pixels)| is_support(scene, masks, pixels)).map(|(label, _)| *label).collect();
+    }
+    let of_supports = |pixel: usize| labels.binary_search(&scene.labels[pixel]).is_ok();
+    let given = search.label.is_some();
+    let blocks = flat_blocks(scene.rays, scene.depth, scene.sensor, |pixel| of_supports(pixel) || !given && scene.labels[pixel] == 0);
+    let objects: Vec<(u16, &[u32])> = masks.iter().filter(|(label, _)| labels.binary_search(label).is_err()).copied().collect();
+    let planes = find_planes(&blocks, scene.sensor, MOST_PLANES, |normal| search.up.is_none_or(|up| up.dot(normal) >= UPRIGHT));
+    let best = planes.iter().map(|plane| merit(scene, &objects, plane, &labels, search.up.is_some() || given)).enumerate();
+    let best = best.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(best, _)| best);
+    Some(chosen(planes, best?, search.up, labels)).or_else(|| only_up(search))
+}
+
+/// Up alone, where it is given.
+pub fn only_up(search: &SupportSearch) -> Option<Supports> {
+    search.up.map(|up| Supports { up, planes: Vec::new(), corrected_rad: None, labels: search.label.into_iter().collect() })
+}
+
+/// The main plane first, then those parallel to it.
+pub fn chosen(mut planes: Vec<FoundPlane>, best: usize, given: Option<Unit<Vector3<f64>>>, labels: Vec<u16>) -> Supports {
+    let main = planes.remove(best);
+    let up = main.plane.normal();
+    planes.retain(|plane| plane.plane.normal().dot(&up) >= PARALLEL);
+    planes.insert(0, main);
+    let corrected_rad = given.map(|given| given.angle(&up));
+    Supports { up, planes, corrected_rad, labels }
+}
+
+/// Up as an upright camera sees it that looks down: −y and −z, and little of x.
+pub fn is_usual(normal: &Vector3<f64>) -> bool {
+    normal.x.abs() <= 0.5 && normal.y <= 0.26 && normal.z <= 0.26
+}
+
+/// How much speaks for a plane as what the objects stand on.
+fn merit(scene: &Scene<'_>, objects: &Masks<'_>, plane: &FoundPlane, supports: &[u16], up_is_known: bool) -> f64 {
+    let standing: f64 = objects.iter().map(|(_, mask)| stands_on(scene, mask, &plane.plane, supports)).sum();
+    let share = plane.weight / (scene.depth.len() as f64);
+    let usual = if up_is_known || is_usual(&plane.plane.normal()) { 1.0 } else { UNUSUAL };
+    usual * (standing + share.min(1.0))
+}
+
+/// Pixels of a ring that are looked at, at most.
+const RING_SAMPLES: usize = 900;
+/// How wide the ring around an object is, metres; and at least so many pixels.
+const RING_M: f32 = 0.05;
+const RING_PIXELS: usize = 8;
+/// Readings of the ring further than this before or behind the object are not beside it, metres.
+const BESIDE_M: f32 = 0.35;
+
+/// Every so manieth of some values, so that there are no more than `most`.
+fn some_of<T>(values: &[T], most: usize) -> impl Iterator<Item = &T> {
+    values.iter().step_by(values.len().div_ceil(most).max(1))
+}
+
+/// Readings around an object that are no object's: pixels of its bounding box, widened, without its own.
+fn ring(scene: &Scene<'_>, mask: &[u32], supports: &[u16]) -> Vec<u32> {
+    if mask.is_empty() {
+        return Vec::new();
+    }
+    let (width, height) = (scene.rays.width(), scene.rays.height());
+    let bounds = mask.iter().fold([usize::MAX, 0, usize::MAX, 0], |[l, r, t, b], pixel| {
+        let (u, v) = (*pixel as usize % width, *pixel as usize / width);
+        [l.min(u), r.max(u), t.min(v), b.max(v)]
+    });
+    let depths: Vec<f32> = some_of(mask, 400).map(|pixel| scene.depth[*pixel as usize]).collect();
+    let middle = percentile(&depths, 0.5);
+    let wide = RING_PIXELS.max((RING_M / scene.rays.pitch(middle).max(1e-6)) as usize).min(width);
+    let (left, right) = (bounds[0].saturating_sub(wide), (bounds[1] + wide).min(width - 1));
+    let (top, bottom) = (bounds[2].saturating_sub(wide), (bounds[3] + wide).min(height - 1));
+    let step = ((((right - left + 1) * (bottom - top + 1)) as f64 / (2 * RING_SAMPLES) as f64).sqrt() as usize).max(1);
+    let mut found = Vec::new();
+    for v in (top..=bottom).step_by(step) {
+        for u in (left..=right).step_by(step) {
+            let pixel = v * width + u;
+            let (z, label) = (scene.depth[pixel], scene.labels[pixel]);
+            if z > 0.0 && (z - middle).abs() < BESIDE_M && (label == 0 || supports.binary_search(&label).is_ok()) {
+                found.push(pixel as u32);
+            }
+        }
+    }
+    found
+}
+
+fn heights(scene: &Scene<'_>, pixels: &[u32], plane: &Plane) -> Vec<f32> {
+    let (n, offset) = (plane.normal().into_inner().cast::<f32>(), plane.offset() as f32);
+    pixels.iter().map(|pixel| n.dot(&scene.rays.point(*pixel as usize, scene.depth[*pixel as usize])) + offset).collect()
+}
+
+/// From 0 to 1: how well an object stands on a plane. Its ring lies on it, and it lies above.
+fn stands_on(scene: &Scene<'_>, mask: &[u32], plane: &Plane, supports: &[u16]) -> f64 {
+    if mask.len() < 30 {
+        return 0.0;
+    }
+    let around = ring(scene, mask, supports);
+    if around.len() < 20 {
+        return 0.0;
+    }
+    let near = |h: &f32| h.abs() < 0.01;
+    let on = heights(scene, &around, plane).iter().filter(|h| near(h)).count() as f64 / around.len() as f64;
+    let some: Vec<u32> = some_of(mask, 400).copied().collect();
+    let own = heights(scene, &some, plane);
+    let above = own.iter().filter(|h| **h > -0.01 && **h < 0.6).count() as f64 / own.len() as f64;
+    // What stands on a plane begins at it.
+    let lowest = percentile(&own, 0.05);
+    let touches = if lowest < 0.05 { 1.0 } else { 0.3 };
+    on * above.powi(4) * touches
+}
+
+/// The least share of the ring that must lie on an object's support.
+const LEAST_ON: f64 = 0.12;
+/// How far the support may lie beside the plane that was found, metres: sensors bend planes.
+const MOST_BENT_M: f32 = 0.012;
+
+/// The support of one object: the highest plane below it that is seen around it, moved to where the readings around it lie.
+pub fn local_support(scene: &Scene<'_>, mask: &[u32], supports: &Supports) -> Option<LocalSupport> {
+    let around = ring(scene, mask, &supports.labels);
+    let some: Vec<u32> = some_of(mask, 600).copied().collect();
+    let mut best: Option<(f32, &FoundPlane, Vec<f32>)> = None;
+    for found in &supports.planes {
+        let residuals: Vec<f32> = heights(scene, &around, &found.plane).into_iter().filter(|h| h.abs() < MOST_BENT_M).collect();
+        if residuals.len() < 20 || (residuals.len() as f64) < LEAST_ON * around.len() as f64 {
+            continue;
+        }
+        let own = heights(scene, &some, &found.plane);
+        // Masks that are too wide hold readings of what is below.
+        let middle = percentile(&own, 0.7);
+        if middle < -0.01 {
+            continue;
+        }
+        if best.as_ref().is_none_or(|(lowest, ..)| middle < *lowest) {
+            best = Some((middle, found, residuals));
+        }
+    }
+    let Some((_, found, residuals)) = best else {
+        let main = supports.planes.first()?;
+        let z = percentile(&some.iter().map(|pixel| scene.depth[*pixel as usize]).collect::<Vec<_>>(), 0.5);
+        return Some(LocalSupport { plane: main.plane, deviation_m: scene.sensor.deviation(f64::from(z)) });
+    };
+    // The middle of what lies near it: twice, so that a foot that is smeared up on one side does not lift it.
+    let mut middle = percentile(&residuals, 0.5);
+    let mut deviation = MOST_BENT_M / 2.0;
+    for _ in 0..2 {
+        let off: Vec<f32> = residuals.iter().map(|h| (h - middle).abs()).collect();
+        deviation = (1.4826 * percentile(&off, 0.5)).max(2e-4);
+        let inner: Vec<f32> = residuals.iter().copied().filter(|h| (h - middle).abs() < 2.5 * deviation).collect();
+        middle = percentile(&inner, 0.5);
+    }
+    Some(LocalSupport { plane: found.plane.raised(f64::from(middle)), deviation_m: f64::from(deviation) })
+}
+
+/// A label is a support if it is by far the largest, flat, and other labels stand on it.
+fn is_support(scene: &Scene<'_>, masks: &Masks<'_>, pixels: &[u32]) -> bool {
+    let readings = scene.depth.iter().filter(|z| **z > 0.0).count();
+    if masks.len() < 2 || pixels.len() * 12 < readings {
+        return false;
+    }
+    let label = scene.labels[pixels[0] as usize];
+    let blocks = flat_blocks(scene.rays, scene.depth, scene.sensor, |pixel| scene.labels[pixel] == label);
+    let Some(found) = find_planes(&blocks, scene.sensor, 1, |_| true).into_iter().next() else { return false };
+    let some: Vec<u32> = some_of(pixels, 2000).copied().collect();
+    let flat = heights(scene, &some, &found.plane).iter().filter(|h| h.abs() < 0.012).count() as f64 / some.len() as f64;
+    let above = |other: &[u32]| {
+        let some: Vec<u32> = some_of(other, 300).copied().collect();
+        let own = heights(scene, &some, &found.plane);
+        !own.is_empty() && own.iter().filter(|h| **h > -0.015 && **h < 0.6).count() * 10 >= own.len() * 7
+    };
+    let others: Vec<&[u32]> = masks.iter().filter(|(other, own)| *other != label && own.len() >= 30).map(|(_, own)| *own).collect();
+    let standing = others.iter().filter(|own| above(own)).count();
+    let larger = others.iter().filter(|own| own.len() * 2 > pixels.len()).count();
+    // The side of a large box is seen beside the table that it stands on; a table is beside nothing that lies lower and is near.
+    flat > 0.8 && larger == 0 && !others.is_empty() && standing * 10 >= others.len() * 6 && extent(&blocks, &found) > 0.35
+}
+
+/// How far a plane's squares reach, metres.
+pub fn extent(blocks: &[Block], found: &FoundPlane) -> f64 {
+    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    for block in &found.blocks {
+        low = low.inf(&blocks[*block].centre);
+        high = high.sup(&blocks[*block].centre);
+    }
+    (high - low).max()
+}
+
+/// The planes of a frame without masks, and which of them is the main support.
+pub fn find_table(rays: &Rays, depth: &[f32], sensor: &SensorModel, search: &SupportSearch) -> Option<Supports> {
+    let blocks = flat_blocks(rays, depth, sensor, |_| true);
+    let planes = find_planes(&blocks, sensor, MOST_PLANES, |normal| search.up.is_none_or(|up| up.dot(normal) >= UPRIGHT));
+    let usual = |plane: &FoundPlane| if search.up.is_some() || is_usual(&plane.plane.normal()) { 1.0 } else { UNUSUAL };
+    let merits: Vec<f64> = planes.iter().map(|plane| plane.weight * usual(plane)).collect();
+    let first = (0..planes.len()).max_by(|a, b| merits[*a].total_cmp(&merits[*b]))?;
+    // Of parallel planes that are large, the highest: a table, and not the floor below it.
+    let is_rival = |i: &usize| {
+        planes[*i].plane.normal().dot(&planes[first].plane.normal()) >= PARALLEL
+            && merits[*i] >= 0.35 * merits[first]
+            && extent(&blocks, &planes[*i]) >= 0.3
+    };
+    let best = (0..planes.len())
+        .filter(|i| *i == first || is_rival(i))
+        .min_by(|a, b| planes[*a].plane.offset().total_cmp(&planes[*b].plane.offset()))?;
+    Some(chosen(planes, best, search.up, Vec::new()))
+}

@@ -1,0 +1,196 @@
+//! Objects of a frame without masks: what stands on a table.
+//!
+//! Readings above the support and over its outline hang together where neighbours lie on one surface; pieces that are near each other in
+//! space are one object: the far wall of a bowl and its near one.
+
+use crate::SensorModel;
+use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
+use crate::rays::Rays;
+use crate::supports::Supports;
+use nalgebra::Vector3;
+
+/// Where objects come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Segmentation {
+    /// The label image.
+    #[default]
+    Labels,
+    /// What stands on a plane of the depth image.
+    Table,
+}
+
+/// An object is at least this high above its plane, metres; or so many deviations of the plane's readings.
+const LEAST_HEIGHT_M: f32 = 0.006;
+const HEIGHT_DEVIATIONS: f32 = 2.5;
+/// And at most this.
+const MOST_HEIGHT_M: f32 = 0.6;
+/// Readings of a piece that may be a part of an object.
+const LEAST_PIECE: usize = 12;
+/// Pieces nearer to each other than this are one object, metres, or than so many pixels.
+const GAP_M: f32 = 0.012;
+const GAP_PIXELS: f32 = 4.0;
+/// Share of the edge of a region without reading that must lie at its object.
+const BESIDE_SHARE: f64 = 0.25;
+/// A region is given to a segment that has at least this part of its pixels.
+const MOST_FILL: usize = 4;
+/// Steps by which the cores of pieces grow.
+const GROWTH: usize = 4;
+/// A piece that is larger, as a share of the other, is an object of its own, however near.
+const PART: f64 = 0.3;
+/// Pieces that are compared, at most: the largest.
+const MOST_PIECES: usize = 150;
+/// Readings of an object at least.
+const LEAST_PIXELS: usize = 60;
+
+/// Labels from 1 on of what stands on the supports.
+pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supports) -> Vec<u16> {
+    let mut labels = vec![0; depth.len()];
+    let Some(main) = supports.planes.first() else { return labels };
+    let (n, offset) = (main.plane.normal().into_inner().cast::<f32>(), main.plane.offset() as f32);
+    let scatter = main.scatter as f32;
+    let mut state = vec![0_u8; depth.len()];
+    let mut wanted = Vec::new();
+    for (pixel, z) in depth.iter().enumerate() {
+        if !(*z > 0.0) {
+            continue;
+        }
+        let h = n.dot(&rays.point(pixel, *z)) + offset;
+        let deviation = scatter * sensor.deviation(f64::from(*z)) as f32;
+        if h > LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * deviation) && h < MOST_HEIGHT_M {
+            state[pixel] = 1;
+            wanted.push(pixel as u32);
+        }
+    }
+    let joint = Joint::new(rays, sensor);
+    let found = pieces_by_core(rays, depth, &joint, &wanted, &mut state);
+    let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
+    let mut next = 1_u16;
+    for piece in found {
+        if piece.pixels.len() < LEAST_PIXELS {
+            continue;
+        }
+        piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
+        next = next.saturating_add(1);
+    }
+    let size = [rays.width(), rays.height()];
+    // Dark and glossy sides have no reading: they belong to the one object that they lie at.
+    fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
+    fill(&mut labels, size, |_| true, 1.0);
+    labels
+}
+
+const WANTED: u8 = 1;
+const CORE: u8 = 2;
+const DONE: u8 = 3;
+
+/// Pieces whose readings hang together through readings that are joined to all their neighbours, with what borders on them: so that what
+/// is smeared between two objects does not bridge them. What is too thin for that makes pieces of its own.
+fn pieces_by_core(rays: &Rays, depth: &[f32], joint: &Joint, wanted: &[u32], state: &mut [u8]) -> Vec<Piece> {
+    let (width, height) = (rays.width(), rays.height());
+    let is_core = |state: &[u8], pixel: usize| {
+        let z = depth[pixel];
+        let joined = |other: &usize| state[*other] == WANTED && joint.joins(z, depth[*other]);
+        neighbours(EIGHT, pixel, width, height).filter(joined).count() == EIGHT.len()
+    };
+    let core: Vec<u32> = wanted.iter().copied().filter(|pixel| is_core(state, *pixel as usize)).collect();
+    core.iter().for_each(|pixel| state[*pixel as usize] = CORE);
+    let mut found = pieces(rays, depth, joint, &core, state, CORE, DONE);
+    // All grow by the same number of steps, so that each gets what is nearest to it.
+    let mut fronts: Vec<Vec<u32>> = found.iter().map(|piece| piece.pixels.clone()).collect();
+    for _ in 0..GROWTH {
+        for (piece, front) in found.iter_mut().zip(&mut fronts) {
+            let mut next = Vec::new();
+            for pixel in front.iter() {
+                for other in neighbours(EIGHT, *pixel as usize, width, height) {
+                    if state[other] == WANTED && joint.joins(depth[*pixel as usize], depth[other]) {
+                        state[other] = DONE;
+                        next.push(other as u32);
+                    }
+                }
+            }
+            piece.pixels.extend_from_slice(&next);
+            *front = next;
+        }
+    }
+    found.extend(pieces(rays, depth, joint, wanted, state, WANTED, DONE));
+    found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
+    found
+}
+
+/// Gives regions of free pixels to the segment that borders on them along at least a share of their edge, if no other does and they do not
+/// reach the border of the image; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
+fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize) -> bool, least_share: f64) {
+    let mut sizes = vec![0_usize; usize::from(u16::MAX) + 1];
+    labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
+    let mut seen = vec![false; labels.len()];
+    for start in 0..labels.len() {
+        if seen[start] || labels[start] != 0 || !is_free(start) {
+            continue;
+        }
+        seen[start] = true;
+        let mut region = vec![start];
+        let (mut next, mut around, mut is_open) = (0, None, false);
+        let (mut edge, mut beside) = (0_usize, 0_usize);
+        while let Some(pixel) = region.get(next).copied() {
+            next += 1;
+            let (u, v) = (pixel % width, pixel / width);
+            is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height;
+            for other in neighbours(FOUR, pixel, width, height) {
+                match labels[other] {
+                    0 if !is_free(other) => edge += 1,
+                    0 if !seen[other] => {
+                        seen[other] = true;
+                        region.push(other);
+                    }
+                    0 => {}
+                    label => {
+                        (edge, beside) = (edge + 1, beside + 1);
+                        is_open |= around.is_some_and(|known| known != label);
+                        around = Some(label);
+                    }
+                }
+            }
+        }
+        if let Some(label) = around
+            .filter(|label| !is_open && beside as f64 >= least_share * edge as f64 && region.len() < MOST_FILL * sizes[usize::from(*label)])
+        {
+            region.iter().for_each(|pixel| labels[*pixel] = label);
+        }
+    }
+}
+
+/// Pieces that are near each other in space, as one; the largest first.
+fn merged(rays: &Rays, depth: &[f32], mut pieces: Vec<Piece>) -> Vec<Piece> {
+    pieces.truncate(MOST_PIECES);
+    let points: Vec<_> = pieces.iter().map(|piece| samples(rays, depth, &piece.pixels)).collect();
+    let boxes: Vec<[Vector3<f32>; 2]> = points
+        .iter()
+        .map(|points| {
+            let low = points.iter().fold(Vector3::repeat(f32::INFINITY), |low, (p, _)| low.inf(p));
+            let high = points.iter().fold(Vector3::repeat(f32::NEG_INFINITY), |high, (p, _)| high.sup(p));
+            [low, high]
+        })
+        .collect();
+    // Each piece belongs to the first one that it is near to, directly or by others.
+    let mut root: Vec<usize> = (0..pieces.len()).collect();
+    for i in 1..pieces.len() {
+        for j in 0..i {
+            let near = GAP_M.max(GAP_PIXELS * rays.pitch(boxes[i][0].z.max(boxes[j][0].z)));
+            let apart = (boxes[i][0] - boxes[j][1]).sup(&(boxes[j][0] - boxes[i][1])).max();
+            let is_part = (pieces[i].pixels.len() as f64) < PART * pieces[j].pixels.len() as f64;
+            if root[i] == root[j] || apart > near || !is_part {
+                continue;
+            }
+            if nearest(&points[i], &points[j]).is_some_and(|(distance, _)| distance < near) {
+                let (from, to) = (root[i].max(root[j]), root[i].min(root[j]));
+                root.iter_mut().filter(|r| **r == from).for_each(|r| *r = to);
+            }
+        }
+    }
+    for i in (0..pieces.len()).rev().filter(|i| root[*i] != *i).collect::<Vec<_>>() {
+        let pixels = std::mem::take(&mut pieces[i].pixels);
+        pieces[root[i]].pixels.extend(pixels);
+    }
+    pieces.retain(|piece| !piece.pixels.is_empty());
+    pieces
+}
