@@ -273,6 +273,8 @@ static void opening(const char *instance, const char *nobody) {
     GIVES(BEO_STATUS_WRONG_SIZE, beo_producer_open(instance, SIDE, SIDE, SIDE, &producer_options, &producer));
 
     static uint8_t voxels[VOXELS];
+    /* A wall in the middle: a grid without a filled voxel is refused as one in which nothing is seen. */
+    memset(voxels + VOXELS / 2, 1, SIDE * SIDE);
     beo_percept percept;
     GIVES(BEO_STATUS_NOT_RUNNING, beo_perceive(nobody, &header, voxels, VOXELS, 30, &percept));
     GIVES(BEO_STATUS_WRONG_SIZE, beo_perceive(instance, &header, voxels, VOXELS - 1, 30000, &percept));

@@ -120,11 +120,11 @@ fn what_cannot_be_left_out_is_one_line() {
     fails(&["eval", root, "--model", "m", "--view", "side"], 2, &["--view side", "--leave-one-out"]);
     fails(&arguments(&folder, &resolution, &["--json", "/nonexistent/o.json"]), 1, &["/nonexistent/o.json"]);
     // Voxel files have one resolution; one of another kind is not passed over.
-    fails(&arguments(&folder, "31", &[]), 1, &["voxel files are not resampled"]);
+    fails(&arguments(&folder, "31", &[]), 1, &["--resample"]);
     let other = crate::harness::dims();
     let small = beo_core::grid::Dims::cube(other.x() - 1).unwrap();
     let mut bytes = Vec::new();
     beo_shapes::write_binvox(&mut bytes, &beo_shapes::furniture::make("chair", small, 1).unwrap()).unwrap();
     std::fs::write(folder.join("small.binvox"), bytes).unwrap();
-    fails(&arguments(&folder, &resolution, &[]), 1, &["chairs/small.binvox", "voxel files are not resampled"]);
+    fails(&arguments(&folder, &resolution, &[]), 1, &["chairs/small.binvox", "--resample"]);
 }

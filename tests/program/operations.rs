@@ -108,7 +108,10 @@ fn what_a_full_queue_loses_is_counted() {
     daemon.signal(Signal::STOP);
     // One object each: none replaces another once it is taken.
     for object in 0..100 {
-        client.send(|header, _| header.object_id = object);
+        client.send(|header, voxels| {
+            header.object_id = object;
+            block(voxels);
+        });
     }
     daemon.signal(Signal::CONT);
     let status = client.status(|status| status.received + status.overflowed == 101 && status.waiting() == 0);
@@ -335,7 +338,10 @@ fn on_sigterm_what_waits_is_answered() {
     daemon.signal(Signal::STOP);
     // As many as fit the queue.
     for object in 0..10 {
-        client.send(|header, _| header.object_id = object);
+        client.send(|header, voxels| {
+            header.object_id = object;
+            block(voxels);
+        });
     }
     daemon.signal(Signal::TERM);
     daemon.signal(Signal::CONT);

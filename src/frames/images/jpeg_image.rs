@@ -29,6 +29,9 @@ pub fn parse_jpeg_image(bytes: &[u8]) -> Result<Raster, FormatError> {
         let options = (*decoder.options()).jpeg_set_out_colorspace(ColorSpace::Luma);
         decoder.set_options(options);
     }
+    if !is_whole(bytes) {
+        return Err(error("the file is cut short: its end marker is missing; copy or write it again".into()));
+    }
     let data = decoder.decode().map_err(|e| error(e.to_string()))?;
     if data.len() != width * height * channels {
         return Err(error("fewer pixels than its header says".into()));
@@ -36,6 +39,15 @@ pub fn parse_jpeg_image(bytes: &[u8]) -> Result<Raster, FormatError> {
     let values = data.chunks_exact(channels).map(|pixel| pixel.iter().copied().max().unwrap_or(0)).collect();
     let [width, height] = [width, height].map(|side| side as u32);
     Image::new(width, height, values).map(Raster::Lossy).ok_or_else(|| error("fewer pixels than its header says".into()))
+}
+
+/// Whether the last scan is followed by the end marker. The decoder takes what is missing of a scan for grey. In a scan every 0xFF is followed by
+/// 0 or by a restart marker (ITU-T T.81, B.1.1.5), so that neither marker can be part of one.
+fn is_whole(bytes: &[u8]) -> bool {
+    const SCAN: [u8; 2] = [0xFF, 0xDA];
+    const END: [u8; 2] = [0xFF, 0xD9];
+    let last_scan = bytes.windows(2).rposition(|pair| pair == SCAN);
+    last_scan.is_some_and(|start| bytes[start..].windows(2).any(|pair| pair == END))
 }
 
 #[cfg(test)]
