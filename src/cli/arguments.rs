@@ -27,7 +27,11 @@ impl PoseArgument {
         }
         Ok(match self {
             PoseArgument::Known => PoseSearch::Known,
-            PoseArgument::Yaw | PoseArgument::Rest => PoseSearch::Yaw { span: span.to_radians() },
+            PoseArgument::Yaw => PoseSearch::Yaw { span: span.to_radians() },
+            PoseArgument::Rest => {
+                let problem = "--pose rest: resting poses are searched for single observations only, by perceive, observe and camera";
+                return Err(Failure::Usage(problem.into()));
+            }
             PoseArgument::Full => PoseSearch::Full,
         })
     }

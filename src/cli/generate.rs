@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Make up shapes to learn from, DIR/<class>/train/* and DIR/<class>/test/*
 ///
 /// Household things (bottle, bowl, box, can, cutlery_box, mug, plate) stand upright, with their long side along x and handles towards +x,
-/// in metres, as DIR/units.txt says, so that training learns their true sizes; furniture has the ten classes of ModelNet10. Train on them with `beo train DIR --out MODEL`.
+/// in metres, as DIR/units.txt says (`beo train --units folder` learns true sizes from it); furniture has the ten classes of ModelNet10. Train on them with `beo train DIR --out MODEL`.
 #[derive(Args)]
 pub struct Generate {
     /// What to make up

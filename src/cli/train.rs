@@ -8,8 +8,8 @@ use beo_core::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
 use beo_core::memory::{self, Available};
 use beo_core::model::{MOST_COMPONENTS, check_place, levels_of, save};
 use beo_core::simulation::{Sensing, SensorKind};
-use beo_shapes::Units;
 use beo_shapes::library::LoadOptions;
+use beo_shapes::{UNITS_FILE, Units};
 use clap::{Args, ValueEnum};
 use half::f16;
 use std::path::{Path, PathBuf};
@@ -37,13 +37,13 @@ pub struct Train {
     /// With --views camera, elevations of the cameras to be met, degrees above the horizontal
     #[arg(long, value_delimiter = ',', default_values_t = [15.0, 30.0, 45.0, 60.0, 75.0], value_name = "DEGREES")]
     elevations: Vec<f64>,
-    /// Unit of length of the files: true sizes are learned, unless it is none [default: what DIR/units.txt says, else none]
+    /// With --views camera, the unit of length of the files, from which true sizes are learned [default: none; they are not]
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<UnitsArgument>,
-    /// With --views camera, the depth sensors to be met, with what they and masks get wrong [default: mixed if sizes are learned, else mild]
+    /// With --views camera, the depth sensors to be met, with what they and masks get wrong [default: mild]
     #[arg(long, value_enum, value_name = "SENSORS")]
     sensors: Option<SensorsArgument>,
-    /// With --views camera, in which poses objects rest [default: rest if sizes are learned, else upright]
+    /// With --views camera, in which poses objects rest [default: upright]
     #[arg(long, value_enum, value_name = "POSES")]
     resting: Option<RestingArgument>,
     /// Share of a class's variance that its basis carries
@@ -77,18 +77,28 @@ enum UnitsArgument {
     Cm,
     /// Millimetres
     Mm,
+    /// What DIR/units.txt says
+    Folder,
     /// Not known, or different from file to file
     None,
 }
 
 impl UnitsArgument {
-    fn units(self) -> Units {
-        match self {
+    fn units(self, folder: &Path) -> Result<Units, Failure> {
+        Ok(match self {
             Self::M => Units::Metres,
             Self::Cm => Units::Centimetres,
             Self::Mm => Units::Millimetres,
             Self::None => Units::None,
-        }
+            Self::Folder => match Units::of_folder(folder).map_err(|error| Failure::Failed(error.to_string()))? {
+                Units::None => {
+                    let path = folder.join(UNITS_FILE);
+                    let problem = format!("--units folder: {} names no unit; give the unit here", path.display());
+                    return Err(Failure::Usage(problem));
+                }
+                units => units,
+            },
+        })
     }
 }
 
@@ -268,11 +278,12 @@ impl Train {
         check_place(&self.out, 0)?;
         let splits = if self.split.is_empty() { shapes::existing_splits(&self.dir, &["train", "validation"])? } else { self.split };
         let units = match self.units {
-            Some(units) => units.units(),
-            None => Units::of_folder(&self.dir).map_err(|error| Failure::Failed(error.to_string()))?,
+            Some(units) => units.units(&self.dir)?,
+            None => Units::None,
         };
         let with_cameras = !camera_elevations_deg.is_empty();
-        for (flag, is_given) in [("--sensors", self.sensors.is_some()), ("--resting", self.resting.is_some())] {
+        let given = [("--units", self.units.is_some()), ("--sensors", self.sensors.is_some()), ("--resting", self.resting.is_some())];
+        for (flag, is_given) in given {
             if is_given && !with_cameras {
                 return usage(format!("{flag}: cameras are not learned; add --views camera"));
             }
@@ -291,8 +302,8 @@ impl Train {
         let options = TrainOptions {
             views: vec![View::Top],
             camera_elevations_deg,
-            sensing: self.sensors.map_or(if is_metric { Sensing::Mixed } else { Sensing::Mild }, SensorsArgument::sensing),
-            lying: self.resting.map_or(is_metric, |resting| resting == RestingArgument::Rest),
+            sensing: self.sensors.map_or(Sensing::Mild, SensorsArgument::sensing),
+            lying: self.resting == Some(RestingArgument::Rest),
             variance_share: self.variance,
             basis_range: [self.least, self.most],
             seed: self.seed,

@@ -223,10 +223,13 @@ fn position(centre: [f64; 3], orientation: [f64; 4], point: &Vector3<f64>) -> [f
     (Vector3::from(centre) + from_xyzw(orientation) * point).into()
 }
 
-/// Why a valid header cannot be answered by this daemon, if so.
-pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method) -> Option<Refusal> {
+/// Why a valid header cannot be answered by this daemon, if so. `rests`: whether the model has learned resting poses.
+pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method, rests: bool) -> Option<Refusal> {
     if header.dims != model {
         return Some(Refusal::DimsNotOfModel { dims: header.dims, model });
+    }
+    if header.pose_search == PoseSearch::Rest.code() && !rests {
+        return Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest));
     }
     // The paper's method projects the observation once for each of two thousand rotations: half a minute, all others waiting.
     let too_slow = header.pose_search == PoseSearch::Full.code() && method == Method::Paper;

@@ -91,7 +91,7 @@ pub struct Camera {
     #[arg(long, value_name = "N", default_value_t = SensorModel::default().deviations)]
     pub(super) sensor_deviations: f64,
     /// What is known of the pose
-    #[arg(long, value_enum, default_value_t = PoseArgument::Rest)]
+    #[arg(long, value_enum, default_value_t = PoseArgument::Yaw)]
     pub(super) pose: PoseArgument,
     /// Name of the camera's frame [default: that of the camera_info's header, or `camera`]
     #[arg(long, value_name = "NAME")]

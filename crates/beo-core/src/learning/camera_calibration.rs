@@ -2,8 +2,8 @@
 
 use super::calibration::fit_blend;
 use super::camera_density::{LeftOut, Views};
-use super::camera_views::{AtRest, Part, Sample, stream};
-use crate::grid::Outside;
+use super::camera_views::{AtRest, Part, Sample, are_plain, stream};
+use crate::grid::{Outside, yaw_of};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
 use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner};
 use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
@@ -76,12 +76,12 @@ pub fn calibrate(
     let components = scores.components();
     let seed = views.seed;
     let mut chosen: Vec<(usize, usize, usize)> =
-        (0..classes).flat_map(|s| left_out.held[s].iter().flat_map(move |shape| (0..SEEN).map(move |n| (s, *shape, n)))).collect();
+        (0..classes).flat_map(|s| (0..left_out.held[s].len()).flat_map(move |i| (0..SEEN).map(move |n| (s, i, n)))).collect();
     chosen.shuffle(&mut stream(seed, 1 << 23, 0));
     chosen.truncate(MOST_SEEN);
-    let score = |(class, shape, view): &(usize, usize, usize)| -> Option<Scored> {
-        let mut rng = stream(seed, 1 << 22 | *class as u64, (*shape * SEEN + *view) as u64);
-        let (component, at_rest) = rests(parts, *class, *shape, &mut rng)?;
+    let score = |(class, place, view): &(usize, usize, usize)| -> Option<Scored> {
+        let mut rng = stream(seed, 1 << 22 | *class as u64, (*place * SEEN + *view) as u64);
+        let (component, at_rest) = rests(parts, *class, left_out.held[*class][*place], &mut rng)?;
         let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
         let sample = at_rest.see(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng)?;
         let mut work = ViewWork::default();
@@ -132,7 +132,10 @@ pub fn calibrate(
         views = labels.len(),
         "camera densities on shapes that were left out"
     );
-    let together = weigh(&scored, &marginals, left_out, classes, pose_weight, size_weight)?;
+    let together = match are_plain(parts) {
+        true => weigh_as_they_lie(&scored, &scores, left_out, classes, pose_weight)?,
+        false => weigh(&scored, &marginals, left_out, classes, pose_weight, size_weight)?,
+    };
     let mut calibration = CameraCalibration {
         pose_weight,
         size_weight: sized.then_some(size_weight),
@@ -221,6 +224,9 @@ fn rests<'a>(parts: &'a [Part], class: usize, shape: usize, rng: &mut ChaCha8Rng
         .filter(|n| parts[*n].component.class == class)
         .filter_map(|n| parts[n].shapes.iter().find(|at_rest| at_rest.shape == shape).map(|at_rest| (n, at_rest)))
         .collect();
+    if let [only] = ways[..] {
+        return Some(only);
+    }
     let total: f64 = ways.iter().map(|(n, _)| parts[*n].component.probability).sum();
     let mut left = total * rng.random_range(0.0..1.0);
     ways.iter()
@@ -230,6 +236,40 @@ fn rests<'a>(parts: &'a [Part], class: usize, shape: usize, rng: &mut ChaCha8Rng
         })
         .or(ways.last())
         .copied()
+}
+
+/// F and the log evidence of all upright classes where yaw, size and place are told, weighed together; none where the grids differ in size.
+fn weigh_as_they_lie(
+    scored: &[Scored],
+    scores: &CameraScores,
+    left_out: &LeftOut<'_>,
+    classes: usize,
+    pose_weight: f64,
+) -> Result<Option<Blend>, PerceiveError> {
+    let dims = left_out.evidence.dims();
+    if scored.is_empty() || scored.iter().any(|view| view.sample.observation.dims() != dims) {
+        return Ok(None);
+    }
+    let weigh_one = |view: &Scored| -> Result<(Vec<f64>, Vec<f64>), PerceiveError> {
+        let Sample { frame, observation, placed, .. } = &view.sample;
+        let (rotation, scale, place) = frame.seen(placed);
+        let told = KnownPlacement { upright: true, yaw: Some(yaw_of(&rotation)), scale: Some(scale), place: Some(place) };
+        let mut work = ViewWork::default();
+        scores.score(frame, observation, &told, &vec![true; classes], &mut work);
+        let mut terms = vec![Vec::new(); classes];
+        work.cells.iter().for_each(|cell| terms[cell.class].push(pose_weight * cell.score));
+        let marginal = terms.iter().map(|of| log_sum_exp(of.iter().copied()) / pose_weight).collect();
+        let mut scratch = EvidenceScratch::new(dims);
+        left_out.evidence.place(observation, placed, Outside::Unknown, &mut scratch)?;
+        let evidence = (0..classes).map(|class| Ok(left_out.evidence.of_class(class, &mut scratch)?.log_ratio));
+        Ok((marginal, evidence.collect::<Result<_, PerceiveError>>()?))
+    };
+    let weighed: Vec<(Vec<f64>, Vec<f64>)> = scored.par_iter().map(weigh_one).collect::<Result<_, _>>()?;
+    let (marginals, evidence) = weighed.into_iter().unzip();
+    let labels: Vec<usize> = scored.iter().map(|view| view.class).collect();
+    let both = fit_blend(&[marginals, evidence], &labels, classes, true)?;
+    tracing::debug!(log_loss = both.log_loss, accuracy = both.accuracy, weights = ?both.weights, "with the evidence, as they truly lie");
+    Ok(Some(Blend { hull: both.weights[0], evidence: both.weights[1], distance: 0.0, offsets: both.offsets }))
 }
 
 /// F and the log evidence of the likely classes, each refined as a query's is, weighed together; none where the grids differ in size.

@@ -7,7 +7,7 @@
 //! first (`camera_calibration`).
 
 use super::camera_calibration::calibrate;
-use super::camera_views::{ClassShapes, Part, around, parts, stream};
+use super::camera_views::{ClassShapes, Part, are_plain, around, parts, stream};
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
 use crate::linear::LinearError;
@@ -92,8 +92,14 @@ fn reach(elevations: &[f64], e: usize) -> f64 {
     beside.map(|other| (other - elevations[e]).abs()).reduce(f64::min).unwrap_or(10_f64.to_radians())
 }
 
+/// Whether there are so many components that each gets fewer features and views; classes alone never are.
+fn are_many(parts: &[Part]) -> bool {
+    parts.len() > FEW_COMPONENTS && !are_plain(parts)
+}
+
 fn feature_basis(parts: &[Part], views: &Views<'_>) -> Result<Features, LinearError> {
-    let shapes: usize = parts.iter().map(|part| part.shapes.len()).sum();
+    let all: Vec<_> = parts.iter().flat_map(|part| &part.shapes).collect();
+    let (shapes, plain) = (all.len(), are_plain(parts));
     let count = (2 * shapes).clamp(FEATURE_VIEWS.0, FEATURE_VIEWS.1);
     let hulls: Vec<Vec<f32>> = (0..count)
         .into_par_iter()
@@ -101,20 +107,23 @@ fn feature_basis(parts: &[Part], views: &Views<'_>) -> Result<Features, LinearEr
             let mut rng = stream(views.seed, 1 << 20, view as u64);
             let e = rng.random_range(0..views.elevations.len());
             let elevation = views.elevations[e] + around(WINDOW * reach(views.elevations, e), &mut rng);
-            // All components alike.
-            let of = &parts[view % parts.len()].shapes;
             let mut hull = vec![0.0; CELLS];
-            if of.is_empty() {
-                return hull;
-            }
-            let shape = &of[(view / parts.len() * 7) % of.len()];
+            let chosen = match plain {
+                true => all.get(view * shapes / count).copied(),
+                // All components alike.
+                false => {
+                    let of = &parts[view % parts.len()].shapes;
+                    of.get((view / parts.len() * 7) % of.len().max(1))
+                }
+            };
+            let Some(shape) = chosen else { return hull };
             if let Some(sample) = shape.see(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng) {
                 sample.frame.shadow(&sample.observation, &mut ShadowImage::default(), &mut hull);
             }
             hull
         })
         .collect();
-    let most = FEATURES[usize::from(parts.len() > FEW_COMPONENTS)];
+    let most = FEATURES[usize::from(are_many(parts))];
     let size = most.min(count / 2);
     let components = principal_components(hulls, size, &mut stream(views.seed, 1 << 21, 0))?;
     Ok(Features { basis: components.rows(), size, variance: components.variance })
@@ -142,7 +151,7 @@ fn fit(
     };
     let scores = CameraFeatures::new(&densities.basis, size);
     let ridge = (LEAST_VARIANCE * features.variance).max(1e-4);
-    let bounds = VIEW_BOUNDS[usize::from(parts.len() > FEW_COMPONENTS)];
+    let bounds = VIEW_BOUNDS[usize::from(are_many(parts))];
     for e in 0..views.elevations.len() {
         let moments_of = |step: usize, round: bool| -> Vec<Option<Moments>> {
             let (mut shadow, mut z) = (Shadow::default(), Vec::new());

@@ -17,7 +17,7 @@ const MOST_VOXELS: usize = 64 * 64 * 64;
 /// The grid's box reaches down to a known table over this share of its height, as that of a producer does.
 const CONTACT_SHARE: f64 = 0.3;
 
-/// Fewest readings of an object: with fewer a producer has no grid for it.
+/// Fewest readings of an object under real conditions: with fewer a producer has no grid for it.
 const LEAST_READINGS: usize = 30;
 /// Shapes that overlap by more when turned by an eighth about the vertical look the same from all sides.
 const ROUND: f64 = 0.88;
@@ -92,7 +92,8 @@ fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
             let shapes: Vec<AtRest> = pose.of.par_iter().enumerate().filter_map(at_rest).collect();
             let component =
                 Component { class, probability: share * pose.probability, resting_rotation: crate::grid::to_xyzw(&pose.rotation), size };
-            let is_round = are_round(&shapes);
+            // Upright shapes of no known size are seen at every step of yaw.
+            let is_round = (lying || size.is_some()) && are_round(&shapes);
             parts.push(Part { component, shapes, is_round });
         }
     }
@@ -109,6 +110,11 @@ fn are_round(shapes: &[AtRest]) -> bool {
     };
     let overlaps: Vec<f64> = shapes.iter().step_by(step).map(overlap).collect();
     overlaps.iter().sum::<f64>() > ROUND * overlaps.len().max(1) as f64
+}
+
+/// Whether every class is one upright component without a size.
+pub fn are_plain(parts: &[Part]) -> bool {
+    parts.iter().all(|part| part.component.is_upright() && part.component.size.is_none())
 }
 
 /// Random numbers for one view.
@@ -147,7 +153,7 @@ impl AtRest {
         // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
         let axes = yaw(-turned);
         let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
-        if points.len() < LEAST_READINGS {
+        if sensing != Sensing::Mild && points.len() < LEAST_READINGS {
             return None;
         }
         let first = points.first()?;

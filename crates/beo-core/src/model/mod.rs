@@ -143,6 +143,11 @@ impl Model {
         }
     }
 
+    /// Whether cameras can be asked for objects that rest otherwise than upright.
+    pub fn has_resting_poses(&self) -> bool {
+        self.camera_densities().is_some_and(|cameras| cameras.components.iter().any(|component| !component.is_upright()))
+    }
+
     /// Densities of what cameras see, of a model whose own grid is searched and that was learned with them.
     pub fn camera_densities(&self) -> Option<&CameraDensities> {
         match &self.searched {

@@ -295,27 +295,28 @@ impl View {
                 }
             }
         }
-        let mut gaussian = || -> f64 {
-            let [a, b]: [f64; 2] = std::array::from_fn(|_| rng.random_range(0.0..1.0));
-            // Box and Muller.
+        let gaussian = |rng: &mut dyn FnMut() -> f64| -> f64 {
+            let [a, b] = [rng(), rng()];
+            // Box and Muller's Gaussian.
             (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
         };
-        let shared: Vec<f64> =
-            if conditions.shared_noise { smoothed((0..self.depth.len()).map(|_| gaussian()).collect()) } else { Vec::new() };
+        let mut uniform = || rng.random_range(0.0..1.0);
+        let shared: Vec<f64> = match conditions.shared_noise {
+            true => smoothed((0..self.depth.len()).map(|_| gaussian(&mut uniform)).collect()),
+            false => Vec::new(),
+        };
         if conditions.noise > 0.0 || conditions.dropout > 0.0 || conditions.step > 0.0 {
             for (pixel, (depth, label)) in self.depth.iter_mut().zip(&self.labels).enumerate() {
                 if *label != OBJECT || *depth <= 0.0 {
                     continue;
                 }
-                let noise = shared.get(pixel).copied().unwrap_or_else(&mut gaussian);
+                let noise = shared.get(pixel).copied().unwrap_or_else(|| gaussian(&mut uniform));
                 *depth += (conditions.noise * size * noise) as f32;
                 if conditions.step > 0.0 {
                     let step = (conditions.step * size) as f32;
                     *depth = (*depth / step).round() * step;
                 }
-            }
-            for (depth, label) in self.depth.iter_mut().zip(&self.labels) {
-                if *label == OBJECT && rng.random_range(0.0..1.0) < conditions.dropout {
+                if uniform() < conditions.dropout {
                     *depth = 0.0;
                 }
             }
