@@ -254,3 +254,16 @@ fn method_code(method: Method) -> beo_ipc::Method {
         Method::Mean => beo_ipc::Method::Mean,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resting_poses_are_refused_by_a_model_that_has_learned_none() {
+        let header = ObservationHeader { pose_search: PoseSearch::Rest.code(), ..ObservationHeader::new([30; 3]) };
+        let refused = unsupported(&header, [30; 3], Method::Auto, false);
+        assert!(matches!(refused, Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest))));
+        assert!(unsupported(&header, [30; 3], Method::Auto, true).is_none());
+    }
+}
