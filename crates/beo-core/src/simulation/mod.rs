@@ -148,7 +148,7 @@ impl View {
         // Where the mask is cleaned, the plane is known.
         let table = (conditions.table && conditions.cut > 0.0).then(|| Plane::new(up, &(object_to_camera * floor)));
         let mut view = Self { intrinsics, depth, labels, object_to_camera, sensor, table };
-        view.lose(conditions, &Hollow::new(object), rng);
+        view.lose(conditions, object, rng);
         view.cover(conditions);
         view.spoil(conditions, size, focal / eye.distance, rng);
         view.mislabel(conditions, size);
@@ -156,11 +156,12 @@ impl View {
     }
 
     /// Takes readings away where surfaces face up, face away or are hidden within a vessel, and blurs the outline.
-    fn lose(&mut self, conditions: &Conditions, hollow: &Hollow, rng: &mut impl Rng) {
+    fn lose(&mut self, conditions: &Conditions, object: &Occupancy, rng: &mut impl Rng) {
         let [some, all] = conditions.grazing_rad;
         if all <= 0.0 && conditions.lid <= 0.0 && conditions.inside <= 0.0 && conditions.smear <= 0.0 {
             return;
         }
+        let hollow = Hollow::new(object);
         let exact = Self { depth: self.depth.clone(), labels: self.labels.clone(), ..*self };
         let (lids, insides) = (Patches::new(rng), Patches::new(rng));
         let up = self.object_to_camera * Vector3::z();
