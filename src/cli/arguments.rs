@@ -15,6 +15,8 @@ pub enum PoseArgument {
     Yaw,
     /// Turned in any way
     Full,
+    /// In any of the poses in which its class can rest, turned about the vertical axis; of what cameras see
+    Rest,
 }
 
 impl PoseArgument {
@@ -26,6 +28,10 @@ impl PoseArgument {
         Ok(match self {
             PoseArgument::Known => PoseSearch::Known,
             PoseArgument::Yaw => PoseSearch::Yaw { span: span.to_radians() },
+            PoseArgument::Rest => {
+                let problem = "--pose rest: resting poses are searched for single observations only, by perceive, observe and camera";
+                return Err(Failure::Usage(problem.into()));
+            }
             PoseArgument::Full => PoseSearch::Full,
         })
     }

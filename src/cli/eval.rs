@@ -9,6 +9,7 @@ use beo_core::learning::Shape;
 use beo_core::perception::{Method, PaperPose, Perceiver, PoseSearch, Query};
 use beo_lab::evaluation::figures::{self, Example};
 use beo_lab::evaluation::{Evaluation, OneView, Protocol, Viewpoint, evaluate, evaluate_icp, sample, table};
+use beo_shapes::Units;
 use beo_shapes::library::LoadOptions;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -220,7 +221,8 @@ impl Eval {
             eprintln!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");
         }
         let read = self.mesh.read_options(model.dims())?;
-        let shapes = shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0 })?;
+        let shapes =
+            shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0, units: Units::None })?;
         let names: Vec<&str> = model.class_names().collect();
         let classes = shapes
             .set

@@ -3,7 +3,7 @@
 use super::failure::{Failure, cannot_write};
 use super::progress;
 use beo_core::grid::Dims;
-use beo_shapes::{Mesh, furniture, household, write_binvox};
+use beo_shapes::{Mesh, UNITS_FILE, Units, furniture, household, longest_side, write_binvox_scaled};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// Make up shapes to learn from, DIR/<class>/train/* and DIR/<class>/test/*
 ///
-/// Household things (bottle, bowl, box, can, cutlery_box, mug, plate) stand upright, with their long side along x and the handle of
-/// a mug towards +x; furniture has the ten classes of ModelNet10. Train on them with `beo train DIR --out MODEL`.
+/// Household things (bottle, bowl, box, can, cutlery_box, mug, plate) stand upright, with their long side along x and handles towards +x,
+/// in metres, as DIR/units.txt says (`beo train --units folder` learns true sizes from it); furniture has the ten classes of ModelNet10. Train on them with `beo train DIR --out MODEL`.
 #[derive(Args)]
 pub struct Generate {
     /// What to make up
@@ -102,6 +102,9 @@ impl Generate {
             Ok::<(), Failure>(())
         })?;
         bar.finish_and_clear();
+        let units = if self.kind == Kind::Household { Units::Metres } else { Units::None };
+        let path = self.out.join(UNITS_FILE);
+        std::fs::write(&path, format!("{}\n", units.name())).map_err(cannot_write(&path))?;
         say!("wrote {} shapes of {} classes to {}", files.len(), classes.len(), self.out.display());
         Ok(())
     }
@@ -113,13 +116,17 @@ impl Generate {
 
     fn encoded(&self, class: &str, seed: u64, dims: Dims) -> Result<Vec<u8>, Failure> {
         let mesh = || household::mesh(class, seed).expect("its own class");
-        let object = match (self.kind, self.format) {
+        let (object, scale) = match (self.kind, self.format) {
             (Kind::Household, Format::Ply) => return Ok(ply(&mesh()).into_bytes()),
-            (Kind::Household, Format::Binvox) => household::make(class, dims, seed),
-            (Kind::Furniture, _) => furniture::make(class, dims, seed),
+            (Kind::Household, Format::Binvox) => {
+                let [low, high] = mesh().bounds();
+                let longest = <[usize; 3]>::from(dims).into_iter().fold(1, usize::max) as f64;
+                (household::make(class, dims, seed), (high - low).max() * longest / longest_side(dims) as f64)
+            }
+            (Kind::Furniture, _) => (furniture::make(class, dims, seed), 1.0),
         };
         let mut bytes = Vec::new();
-        write_binvox(&mut bytes, &object.expect("its own class"))?;
+        write_binvox_scaled(&mut bytes, &object.expect("its own class"), scale)?;
         Ok(bytes)
     }
 }

@@ -11,6 +11,7 @@ use beo_lab::evaluation::leave_one_out::{figures, table};
 use beo_lab::evaluation::{OneView, Outcome, leave_one_out, sample_places};
 use beo_picture::SaveError;
 use beo_shapes::ReadError;
+use beo_shapes::Units;
 use beo_shapes::library::{self, LoadOptions, Shapes, SkipReason};
 use std::path::{Path, PathBuf};
 
@@ -96,7 +97,8 @@ impl LeaveOneOut<'_> {
     fn at(&self, dims: Dims, splits: &[String]) -> Result<Outcome, Failure> {
         let read = self.mesh.read_options(dims)?;
         // Without its twin, which would give the shape away.
-        let shapes = shapes::load(self.dir, splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES + 1 })?;
+        let shapes =
+            shapes::load(self.dir, splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES + 1, units: Units::None })?;
         require_one_size(&shapes)?;
         let chosen = sample_places(&shapes.set, self.limit, self.seed);
         let files: Vec<String> = chosen.iter().map(|place| shapes.set.shapes[*place].file.clone()).collect();

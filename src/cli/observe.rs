@@ -77,6 +77,7 @@ impl Observe {
             PoseArgument::Known => PoseSearch::Known.code(),
             PoseArgument::Yaw => PoseSearch::Yaw.code(),
             PoseArgument::Full => PoseSearch::Full.code(),
+            PoseArgument::Rest => PoseSearch::Rest.code(),
         };
         match self.view {
             ViewArgument::Top => template.view = beo_ipc::View::TopDown.code(),

@@ -66,6 +66,14 @@ impl Perceive {
         self.pictures.prepare()?;
         let perceiver = Perceiver::open_within(&self.model, self.memory.map(|mb| mb.saturating_mul(1_000_000)))?;
         let model = perceiver.model().clone();
+        let rests = matches!(self.pose, PoseArgument::Rest);
+        if rests && self.view != ViewArgument::Camera {
+            return Err(Failure::Usage("--pose rest: it is searched in what cameras see; add --view camera".into()));
+        }
+        if rests && !model.has_resting_poses() {
+            let problem = "--pose rest: the model has learned no resting poses; train one with --views camera --resting rest";
+            return Err(Failure::Usage(problem.into()));
+        }
         let read = self.mesh.read_options(model.dims())?;
         let names: Vec<&str> = model.class_names().collect();
         let mut query = Query {
@@ -74,7 +82,8 @@ impl Perceive {
             outside: self.view.outside(),
             log_prior: self.prior.log_prior(&perceiver),
             completion: true,
-            pose: self.pose.search(self.yaw_span)?,
+            pose: if rests { PoseArgument::Yaw } else { self.pose }.search(self.yaw_span)?,
+            lying: rests,
             projection: self.projection.projection(),
             ..Query::default()
         };
@@ -123,7 +132,7 @@ impl Perceive {
                     "log_score": log_score,
                     "none_probability": null,
                     "fit": null,
-                    "resting_pose": null,
+                    "resting_pose": percept.resting_pose,
                     "filtered": false,
                     "cut": [],
                     "hypotheses": percept.hypotheses.iter().map(hypothesis).collect::<Vec<_>>(),

@@ -7,8 +7,10 @@ use beo_core::grid::{Dims, View};
 use beo_core::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
 use beo_core::memory::{self, Available};
 use beo_core::model::{MOST_COMPONENTS, check_place, levels_of, save};
+use beo_core::simulation::{Sensing, SensorKind};
 use beo_shapes::library::LoadOptions;
-use clap::Args;
+use beo_shapes::{UNITS_FILE, Units};
+use clap::{Args, ValueEnum};
 use half::f16;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -35,6 +37,15 @@ pub struct Train {
     /// With --views camera, elevations of the cameras to be met, degrees above the horizontal
     #[arg(long, value_delimiter = ',', default_values_t = [15.0, 30.0, 45.0, 60.0, 75.0], value_name = "DEGREES")]
     elevations: Vec<f64>,
+    /// With --views camera, the unit of length of the files, from which true sizes are learned [default: none; they are not]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    units: Option<UnitsArgument>,
+    /// With --views camera, the depth sensors to be met, with what they and masks get wrong [default: mild]
+    #[arg(long, value_enum, value_name = "SENSORS")]
+    sensors: Option<SensorsArgument>,
+    /// With --views camera, in which poses objects rest [default: upright]
+    #[arg(long, value_enum, value_name = "POSES")]
+    resting: Option<RestingArgument>,
     /// Share of a class's variance that its basis carries
     #[arg(long, default_value_t = 0.6, value_name = "SHARE")]
     variance: f64,
@@ -55,6 +66,76 @@ pub struct Train {
     licence: String,
     #[command(flatten)]
     mesh: MeshArguments,
+}
+
+/// The unit of length of the files.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum UnitsArgument {
+    /// Metres
+    M,
+    /// Centimetres
+    Cm,
+    /// Millimetres
+    Mm,
+    /// What DIR/units.txt says
+    Folder,
+    /// Not known, or different from file to file
+    None,
+}
+
+impl UnitsArgument {
+    fn units(self, folder: &Path) -> Result<Units, Failure> {
+        Ok(match self {
+            Self::M => Units::Metres,
+            Self::Cm => Units::Centimetres,
+            Self::Mm => Units::Millimetres,
+            Self::None => Units::None,
+            Self::Folder => match Units::of_folder(folder).map_err(|error| Failure::Failed(error.to_string()))? {
+                Units::None => {
+                    let path = folder.join(UNITS_FILE);
+                    let problem = format!("--units folder: {} names no unit; give the unit here", path.display());
+                    return Err(Failure::Usage(problem));
+                }
+                units => units,
+            },
+        })
+    }
+}
+
+/// What sensors and masks get wrong.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SensorsArgument {
+    /// Little noise, near by, masks without faults
+    Mild,
+    /// Structured light, as of the first Kinect
+    Kinect,
+    /// Active stereo
+    Realsense,
+    /// Time of flight
+    Tof,
+    /// All of these in turn
+    Mixed,
+}
+
+impl SensorsArgument {
+    fn sensing(self) -> Sensing {
+        match self {
+            Self::Mild => Sensing::Mild,
+            Self::Kinect => Sensing::Of(SensorKind::StructuredLight),
+            Self::Realsense => Sensing::Of(SensorKind::Stereo),
+            Self::Tof => Sensing::Of(SensorKind::TimeOfFlight),
+            Self::Mixed => Sensing::Mixed,
+        }
+    }
+}
+
+/// In which poses objects rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum RestingArgument {
+    /// As the shapes stand canonically
+    Upright,
+    /// In all stable poses of their convex hulls, and as they stand canonically
+    Rest,
 }
 
 /// What a training will need at least, known from the number of files before any is read.
@@ -196,14 +277,33 @@ impl Train {
         // Found out now, not after the work.
         check_place(&self.out, 0)?;
         let splits = if self.split.is_empty() { shapes::existing_splits(&self.dir, &["train", "validation"])? } else { self.split };
+        let units = match self.units {
+            Some(units) => units.units(&self.dir)?,
+            None => Units::None,
+        };
+        let with_cameras = !camera_elevations_deg.is_empty();
+        let given = [("--units", self.units.is_some()), ("--sensors", self.sensors.is_some()), ("--resting", self.resting.is_some())];
+        for (flag, is_given) in given {
+            if is_given && !with_cameras {
+                return usage(format!("{flag}: cameras are not learned; add --views camera"));
+            }
+        }
         let start = Instant::now();
         let counts = shapes::count(&self.dir, &splits)?;
         Need::new(&counts, dims, self.least).check(&self.out, dims)?;
-        let shapes = shapes::load(&self.dir, &splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES })?;
+        let shapes = shapes::load(&self.dir, &splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES, units })?;
         let loaded = start.elapsed();
+        let is_metric = shapes.set.lengths_m.is_some();
+        if units != Units::None && !is_metric {
+            eprintln!(
+                "true sizes are not learned: of some shapes the size is not known (.npy has none, and what `beo align` wrote has lost it)"
+            );
+        }
         let options = TrainOptions {
             views: vec![View::Top],
             camera_elevations_deg,
+            sensing: self.sensors.map_or(Sensing::Mild, SensorsArgument::sensing),
+            lying: self.resting == Some(RestingArgument::Rest),
             variance_share: self.variance,
             basis_range: [self.least, self.most],
             seed: self.seed,

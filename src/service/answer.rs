@@ -227,13 +227,12 @@ fn position(centre: [f64; 3], orientation: [f64; 4], point: &Vector3<f64>) -> [f
     (Vector3::from(centre) + from_xyzw(orientation) * point).into()
 }
 
-/// Why a valid header cannot be answered by this daemon, if so.
-pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method) -> Option<Refusal> {
+/// Why a valid header cannot be answered by this daemon, if so. `rests`: whether the model has learned resting poses.
+pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method, rests: bool) -> Option<Refusal> {
     if header.dims != model {
         return Some(Refusal::DimsNotOfModel { dims: header.dims, model });
     }
-    // This model has learned no resting poses.
-    if header.pose_search == PoseSearch::Rest.code() {
+    if header.pose_search == PoseSearch::Rest.code() && !rests {
         return Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest));
     }
     // The paper's method projects the observation once for each of two thousand rotations: half a minute, all others waiting.
@@ -257,5 +256,18 @@ fn method_code(method: Method) -> beo_ipc::Method {
         Method::Evidence => beo_ipc::Method::Evidence,
         Method::Paper => beo_ipc::Method::Paper,
         Method::Mean => beo_ipc::Method::Mean,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resting_poses_are_refused_by_a_model_that_has_learned_none() {
+        let header = ObservationHeader { pose_search: PoseSearch::Rest.code(), ..ObservationHeader::new([30; 3]) };
+        let refused = unsupported(&header, [30; 3], Method::Auto, false);
+        assert!(matches!(refused, Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest))));
+        assert!(unsupported(&header, [30; 3], Method::Auto, true).is_none());
     }
 }

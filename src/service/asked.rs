@@ -22,10 +22,12 @@ pub fn ask(query: &mut Query, header: &ObservationHeader, known: PoseSearch) {
         _ => ScaleSearch::Known,
     };
     query.pose = match beo_ipc::PoseSearch::from_code(header.pose_search) {
-        Some(beo_ipc::PoseSearch::Yaw) => PoseSearch::YAW,
+        Some(beo_ipc::PoseSearch::Yaw | beo_ipc::PoseSearch::Rest) => PoseSearch::YAW,
         Some(beo_ipc::PoseSearch::Full) => PoseSearch::Full,
         _ => known,
     };
+    query.lying = beo_ipc::PoseSearch::from_code(header.pose_search) == Some(beo_ipc::PoseSearch::Rest);
+    query.voxel_size_m = (beo_ipc::Unit::from_code(header.unit) == Some(beo_ipc::Unit::Metres)).then_some(voxel);
     query.outside = match beo_ipc::Outside::from_code(header.outside) {
         Some(beo_ipc::Outside::Unknown) => Outside::Unknown,
         _ => Outside::Empty,

@@ -209,11 +209,11 @@ impl Daemon {
             let header = observation.header();
             self.status.received += 1;
             self.status.overflowed += self.sequences.missing_before(header.producer_id, header.sequence, received_ns);
-            let outcome =
-                observation.voxels().and_then(|voxels| match unsupported(header, self.status.dims, self.options.recipe.query.method) {
-                    Some(refusal) => Err(refusal),
-                    None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
-                });
+            let (method, rests) = (self.options.recipe.query.method, self.model().has_resting_poses());
+            let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.status.dims, method, rests) {
+                Some(refusal) => Err(refusal),
+                None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
+            });
             match outcome {
                 Ok(displaced) => self.status.dropped += displaced as u64,
                 Err(refusal) => {

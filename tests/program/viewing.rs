@@ -5,15 +5,14 @@ use serde_json::Value;
 use std::path::Path;
 
 fn train(folder: &Path, out: &Path, threads: &str) {
-    let arguments = ["train", "--resolution", "16", "--least", "5", "--most", "20", "--views", "camera", "--elevations", "35"];
-    let output = run(arguments.iter().map(std::ffi::OsStr::new).chain([
-        "--threads".as_ref(),
-        threads.as_ref(),
-        "--out".as_ref(),
-        out.as_os_str(),
-        folder.as_os_str(),
-    ]));
+    let output = trained(folder, out, &["--threads", threads]);
     assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+fn trained(folder: &Path, out: &Path, more: &[&str]) -> std::process::Output {
+    let arguments = ["train", "--resolution", "16", "--least", "5", "--most", "20", "--views", "camera", "--elevations", "35"];
+    let all = arguments.iter().chain(more).map(std::ffi::OsStr::new);
+    run(all.chain(["--out".as_ref(), out.as_os_str(), folder.as_os_str()]))
 }
 
 #[test]
@@ -92,4 +91,52 @@ fn wrong_viewpoints_are_wrong_usage() {
     }
     let output = run(["train", "nowhere", "--out", "/nonexistent/m", "--views", "camera", "--elevations", "99"]);
     assert_eq!(output.status.code(), Some(2));
+}
+
+/// A word about the unit in the folder changes nothing by itself.
+#[test]
+fn sizes_resting_poses_and_sensors_are_learned_only_where_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let shapes = at("shapes");
+    let of = shapes.to_str().unwrap();
+    let made = run(["generate", "household", "--count", "8", "--test", "1", "--resolution", "16", "--out", of]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    ["bottle", "bowl", "cutlery_box", "mug", "plate"].iter().for_each(|class| std::fs::remove_dir_all(shapes.join(class)).unwrap());
+    assert_eq!(std::fs::read_to_string(shapes.join("units.txt")).unwrap(), "m\n");
+
+    let [plain, again, resting] = ["plain", "again", "resting"].map(|name| at(&format!("{name}.safetensors")));
+    train(&shapes, &plain, "2");
+    let asked = ["--units", "folder", "--resting", "rest", "--sensors", "mixed"];
+    let output = trained(&shapes, &resting, &asked);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    std::fs::remove_file(shapes.join("units.txt")).unwrap();
+    train(&shapes, &again, "2");
+    let has = |path: &Path, word: &[u8]| std::fs::read(path).unwrap().windows(word.len()).any(|at| at == word);
+    assert!(std::fs::read(&plain).unwrap() == std::fs::read(&again).unwrap(), "the unit alone changed the model");
+    for word in [&b"camera_components"[..], b"size_weight"] {
+        assert_eq!((has(&plain, word), has(&resting, word)), (false, true), "{}", text(word));
+    }
+
+    let query = shapes.join("box/test/00001.binvox");
+    let ask = |model: &Path, view: &str| {
+        let [query, model] = [&query, model].map(|path| path.to_str().unwrap());
+        run(["perceive", query, "--model", model, "--view", view, "--pose", "rest", "--json"])
+    };
+    let answer = ask(&resting, "camera");
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    let line: Value = serde_json::from_slice(&answer.stdout).unwrap();
+    assert!(line["resting_pose"].is_u64(), "{line}");
+
+    let no_unit = trained(&shapes, &again, &["--units", "folder"]);
+    let no_cameras = run(["train", of, "--resting", "rest", "--out", again.to_str().unwrap()]);
+    for (output, problem) in [
+        (ask(&plain, "camera"), "the model has learned no resting poses"),
+        (ask(&resting, "top"), "add --view camera"),
+        (no_unit, "units.txt names no unit"),
+        (no_cameras, "--resting: cameras are not learned"),
+    ] {
+        let message = text(&output.stderr);
+        assert!(output.status.code() == Some(2) && message.contains(problem), "{message}");
+    }
 }

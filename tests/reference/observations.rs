@@ -53,7 +53,7 @@ pub fn real_shapes(dims: Dims) -> Option<Vec<Occupancy>> {
         return None;
     };
     let library = library::scan(folder.as_ref(), &["validation"]).unwrap();
-    let options = LoadOptions { read: ReadOptions::new(dims), skip_duplicates: false, minimum: 0 };
+    let options = LoadOptions { read: ReadOptions::new(dims), skip_duplicates: false, minimum: 0, units: beo_shapes::Units::None };
     let shapes = library::load(&library, &options, |_| ()).unwrap();
     Some(shapes.set.shapes.into_iter().map(|shape| shape.object).collect())
 }

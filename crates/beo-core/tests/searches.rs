@@ -22,6 +22,7 @@ fn learn() -> Perceiver {
     let shapes = ShapeSet {
         classes: CLASSES.map(String::from).to_vec(),
         shapes: (0..CLASSES.len()).flat_map(|class| (0..24).map(move |seed| make(class, seed))).collect(),
+        ..ShapeSet::default()
     };
     let options = TrainOptions {
         basis_range: [5, 20],

@@ -16,9 +16,9 @@ fn line_error(line: usize, problem: impl Into<String>) -> FormatError {
     FormatError::Line { format: FORMAT, line, problem: problem.into() }
 }
 
-/// Reads a binvox file's bytes. `translate` and `scale` are checked to be numbers and otherwise not used.
+/// Reads a binvox file's bytes. `translate` and `scale` are checked to be numbers; see [`binvox_scale`].
 pub fn parse_binvox(bytes: &[u8]) -> Result<Occupancy, FormatError> {
-    let (dims, start) = header(bytes)?;
+    let (dims, start, _) = header(bytes)?;
     let runs = &bytes[start..];
     let byte_error = |byte: usize, problem: String| FormatError::Byte { format: FORMAT, byte: start + byte, problem };
     if runs.len() / 2 * LONGEST_RUN < dims.voxels() {
@@ -50,8 +50,14 @@ pub fn parse_binvox(bytes: &[u8]) -> Result<Occupancy, FormatError> {
     Ok(object)
 }
 
-/// The grid's size and where the runs start.
-fn header(bytes: &[u8]) -> Result<(Dims, usize), FormatError> {
+/// The length of the grid's longest side in the units of the shape that was voxelised, which the header's `scale` says; 1 where it does
+/// not.
+pub fn binvox_scale(bytes: &[u8]) -> Result<f64, FormatError> {
+    header(bytes).map(|(_, _, scale)| scale)
+}
+
+/// The grid's size, where the runs start, and the scale.
+fn header(bytes: &[u8]) -> Result<(Dims, usize, f64), FormatError> {
     // All lines end as the first does: what comes after `data` may look like part of a line end.
     let mut start = bytes.len() - without_mark(bytes).len();
     let first_end = bytes.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len());
@@ -61,6 +67,7 @@ fn header(bytes: &[u8]) -> Result<(Dims, usize), FormatError> {
         _ => b"\n",
     };
     let mut dims = None;
+    let mut scale = 1.0;
     for line in 1.. {
         let end = bytes[start..].windows(line_end.len()).position(|window| window == line_end).map(|n| start + n);
         let Some(end) = end else {
@@ -89,13 +96,17 @@ fn header(bytes: &[u8]) -> Result<(Dims, usize), FormatError> {
             }
             Some(name @ ("translate" | "scale")) => {
                 let numbers = if name == "scale" { 1 } else { 3 };
-                if words.filter(|w| w.parse::<f64>().is_ok_and(f64::is_finite)).count() != numbers {
+                let values: Vec<f64> = words.filter_map(|w| w.parse::<f64>().ok().filter(|v| v.is_finite())).collect();
+                if values.len() != numbers {
                     return Err(line_error(line, format!("expected `{name}` and {numbers} numbers")));
+                }
+                if name == "scale" {
+                    scale = values[0];
                 }
             }
             Some("data") => {
                 let dims = dims.ok_or_else(|| line_error(line, "`data` comes before `dim`"))?;
-                return Ok((dims, start));
+                return Ok((dims, start, scale));
             }
             None => {}
             Some(comment) if comment.starts_with('#') => {}
@@ -108,10 +119,15 @@ fn header(bytes: &[u8]) -> Result<(Dims, usize), FormatError> {
     unreachable!("the loop ends by returning")
 }
 
-/// Writes `object` as binvox.
+/// Writes `object` as binvox, without a unit.
 pub fn write_binvox(out: &mut impl Write, object: &Occupancy) -> std::io::Result<()> {
+    write_binvox_scaled(out, object, 1.0)
+}
+
+/// Writes `object` as binvox; the grid's longest side measures `scale`.
+pub fn write_binvox_scaled(out: &mut impl Write, object: &Occupancy, scale: f64) -> std::io::Result<()> {
     let dims = object.dims();
-    write!(out, "#binvox 1\ndim {} {} {}\ntranslate 0 0 0\nscale 1\ndata\n", dims.x(), dims.z(), dims.y())?;
+    write!(out, "#binvox 1\ndim {} {} {}\ntranslate 0 0 0\nscale {scale}\ndata\n", dims.x(), dims.z(), dims.y())?;
     let mut runs: Vec<u8> = Vec::new();
     for x in 0..dims.x() {
         for z in 0..dims.z() {
@@ -185,7 +201,11 @@ mod tests {
             let object = Occupancy::from_fn(dims, |i, j, k| voxels[dims.index(i, j, k)]);
             let mut bytes = Vec::new();
             write_binvox(&mut bytes, &object).unwrap();
-            prop_assert_eq!(parse_binvox(&bytes).unwrap(), object);
+            prop_assert_eq!(parse_binvox(&bytes).unwrap(), object.clone());
+            prop_assert_eq!(binvox_scale(&bytes).unwrap(), 1.0);
+            bytes.clear();
+            write_binvox_scaled(&mut bytes, &object, 0.15).unwrap();
+            prop_assert_eq!((binvox_scale(&bytes).unwrap(), parse_binvox(&bytes).unwrap()), (0.15, object));
         }
 
         #[test]

@@ -5,7 +5,7 @@
 //! for each synset; `DIR/<model>/…` is one class named after the folder, but each object of YCB is a class of its own.
 
 use super::models::{is_ycb, model_of};
-use super::{ALIGNMENT_FILE, AlignmentFileError, Format, Note, ReadError, ReadOptions, is_placed, read_shape_noted};
+use super::{ALIGNMENT_FILE, AlignmentFileError, Format, Note, ReadError, ReadOptions, UNITS_FILE, Units, is_placed, read_shape_noted};
 use beo_core::grid::Occupancy;
 use beo_core::learning::{Shape, ShapeSet};
 use beo_core::model::{LONGEST_CLASS_NAME, MOST_CLASSES};
@@ -282,7 +282,7 @@ impl Library {
         self.ignored += hidden;
         for name in files {
             let path = folder.join(&name);
-            if name == ALIGNMENT_FILE {
+            if name == ALIGNMENT_FILE || name == UNITS_FILE {
                 continue;
             }
             if Format::of(&path).is_some() {
@@ -346,6 +346,8 @@ pub struct LoadOptions {
     pub skip_duplicates: bool,
     /// Fewest shapes of a class; fewer are an error. 0 to take what there is.
     pub minimum: usize,
+    /// The unit of the files.
+    pub units: Units,
 }
 
 /// Why a file was left out.
@@ -444,17 +446,22 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
     let objects: Vec<_> = library.files.par_iter().map(read).collect();
 
     let mut loaded = Shapes {
-        set: ShapeSet { classes: library.classes.clone(), shapes: Vec::new() },
+        set: ShapeSet { classes: library.classes.clone(), ..ShapeSet::default() },
         skipped: Vec::new(),
         shared: Vec::new(),
         notes: Vec::new(),
     };
-    // The first shape of each class that has given voxels.
-    let mut seen: HashMap<Occupancy, Vec<usize>> = HashMap::new();
+    let metres = options.units.metres();
+    let mut lengths_m: Vec<Option<[f64; 3]>> = Vec::new();
+    // The first shape of each class that has given voxels, and a given size where sizes are learned.
+    let mut seen: HashMap<(Occupancy, i64), Vec<usize>> = HashMap::new();
     for (file, object) in library.files.iter().zip(objects) {
         let skip = |reason| Skipped { file: file.relative.clone(), reason };
-        let (object, notes) = match object {
-            Ok(reading) => (reading.object, reading.notes),
+        let (object, lengths, notes) = match object {
+            Ok(reading) => {
+                let lengths = reading.lengths.zip(metres).map(|(lengths, metres)| lengths.map(|length| length * metres));
+                (reading.object, lengths, reading.notes)
+            }
             Err(error) => {
                 loaded.skipped.push(skip(SkipReason::Unreadable(error)));
                 continue;
@@ -466,7 +473,9 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
             continue;
         }
         if options.skip_duplicates {
-            let twins = seen.entry(object.clone()).or_default();
+            // Sizes that differ by less than a twentieth are the same.
+            let size = lengths.map_or(0, |lengths| (lengths.into_iter().fold(0.0, f64::max).max(1e-9).ln() * 20.0).round() as i64);
+            let twins = seen.entry((object.clone(), size)).or_default();
             if let Some(&twin) = twins.iter().find(|s| loaded.set.shapes[**s].class == file.class) {
                 loaded.skipped.push(skip(SkipReason::Duplicate { of: loaded.set.shapes[twin].file.clone() }));
                 continue;
@@ -476,10 +485,12 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
             }
             twins.push(loaded.set.shapes.len());
         }
+        lengths_m.push(lengths);
         loaded.notes.extend(notes.into_iter().map(|note| (file.relative.clone(), note)));
         loaded.set.shapes.push(Shape { object, class: file.class, file: file.relative.clone() });
     }
 
+    loaded.set.lengths_m = lengths_m.into_iter().collect::<Option<Vec<_>>>().filter(|_| metres.is_some());
     for (class, name) in library.classes.iter().enumerate() {
         let usable = loaded.set.shapes.iter().filter(|s| s.class == class).count();
         if usable < options.minimum {
@@ -531,8 +542,35 @@ mod tests {
         folder
     }
 
+    #[test]
+    fn lengths_are_known_in_metres_where_the_unit_is_and_twins_of_another_size_are_kept() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("can/train");
+        std::fs::create_dir_all(&folder).unwrap();
+        let dims = Dims::cube(16).unwrap();
+        let object = Occupancy::from_fn(dims, |i, j, k| (4..12).contains(&i) && (6..10).contains(&j) && (2..14).contains(&k));
+        for (name, scale) in [("a", 0.16), ("b", 0.16), ("c", 0.32)] {
+            let mut bytes = Vec::new();
+            crate::write_binvox_scaled(&mut bytes, &object, scale).unwrap();
+            std::fs::write(folder.join(format!("{name}.binvox")), bytes).unwrap();
+        }
+        let library = scan(root.path(), &["train"]).unwrap();
+        let load_in = |units| {
+            let read = ReadOptions::new(dims);
+            load(&library, &LoadOptions { read, skip_duplicates: true, minimum: 0, units }, |_| ()).unwrap()
+        };
+        let none = load_in(Units::None);
+        assert_eq!((none.set.shapes.len(), none.set.lengths_m), (1, None));
+        let metric = load_in(Units::Centimetres);
+        let lengths = metric.set.lengths_m.unwrap();
+        assert_eq!((metric.set.shapes.len(), lengths.len()), (2, 2));
+        for (found, voxel) in lengths.iter().zip([0.0001, 0.0002]) {
+            assert!(found.iter().zip([8.0, 4.0, 12.0]).all(|(length, voxels)| (length - voxels * voxel).abs() < 1e-12), "{found:?}");
+        }
+    }
+
     fn options(skip_duplicates: bool, minimum: usize) -> LoadOptions {
-        LoadOptions { read: ReadOptions::new(Dims::cube(8).unwrap()), skip_duplicates, minimum }
+        LoadOptions { read: ReadOptions::new(Dims::cube(8).unwrap()), skip_duplicates, minimum, units: Units::None }
     }
 
     #[test]
@@ -619,7 +657,8 @@ mod tests {
             let [low, high] = load(&library, &options, |_| {}).unwrap().set.shapes[0].object.bounds().unwrap();
             (library.placed, high[0] - low[0])
         };
-        let options = LoadOptions { read: ReadOptions::new(Dims::cube(20).unwrap()), skip_duplicates: false, minimum: 0 };
+        let options =
+            LoadOptions { read: ReadOptions::new(Dims::cube(20).unwrap()), skip_duplicates: false, minimum: 0, units: Units::None };
         assert_eq!(extent(options), (false, 16));
         let file = root.join("a.off");
         assert_eq!(options.read.for_file(&file).unwrap(), options.read);
@@ -747,7 +786,7 @@ mod tests {
         };
         let library = scan(Path::new(&root), &["train", "validation"]).unwrap();
         let dims = Dims::cube(30).unwrap();
-        let options = LoadOptions { read: ReadOptions::new(dims), skip_duplicates: false, minimum: 2 };
+        let options = LoadOptions { read: ReadOptions::new(dims), skip_duplicates: false, minimum: 2, units: Units::None };
         let loaded = load(&library, &options, |_| {}).unwrap();
         assert_eq!(library.classes, crate::furniture::CLASSES);
         assert_eq!(loaded.set.shapes.len() + loaded.skipped.len(), library.files.len());

@@ -3,7 +3,7 @@
 use super::closing::{self, Close};
 use super::resample::{resample, stand_up};
 use super::voxelise::{Frame, fill_inside};
-use super::{FormatError, Mesh, PointCloud, ReadError, Up};
+use super::{FormatError, Mesh, PointCloud, ReadError, Up, binvox_scale};
 use super::{gltf, is_placed, longest_side, npy, obj, off, parse_binvox, ply, stl};
 use beo_core::grid::{Dims, Observation, Occupancy};
 use std::io::Read;
@@ -235,6 +235,9 @@ pub struct Reading {
     pub object: Occupancy,
     /// In the order of reading.
     pub notes: Vec<Note>,
+    /// Its lengths along the axes in the unit of the file: of meshes and point clouds those of their box, of binvox files by the header's
+    /// `scale`; `None` for what has no unit.
+    pub lengths: Option<[f64; 3]>,
 }
 
 /// Reads a file without voxelising, its axes as in the file; the buffers of a glTF document are read from its folder.
@@ -245,7 +248,7 @@ pub fn read_content(path: &Path) -> Result<Content, ReadError> {
     Ok(read_noted(path)?.0)
 }
 
-fn read_noted(path: &Path) -> Result<(Content, Vec<Note>), ReadError> {
+fn read_noted(path: &Path) -> Result<(Content, Vec<Note>, Option<f64>), ReadError> {
     let format = Format::of(path).ok_or_else(|| ReadError::Extension { path: path.into(), known: Format::KNOWN })?;
     let bytes = read_bytes(path)?;
     let content = match format {
@@ -257,7 +260,8 @@ fn read_noted(path: &Path) -> Result<(Content, Vec<Note>), ReadError> {
     };
     let content = content.map_err(|source| ReadError::Malformed { path: path.into(), source })?;
     let count = (format == Format::Stl).then(|| stl::stl_count_note(&bytes)).flatten();
-    Ok((content, count.map(Note::Count).into_iter().collect()))
+    let scale = if format == Format::Binvox { binvox_scale(&bytes).ok().filter(|scale| *scale > 0.0) } else { None };
+    Ok((content, count.map(Note::Count).into_iter().collect(), scale))
 }
 
 /// Reads a file as a complete shape. What [`read_shape_noted`] notes is left out.
@@ -274,9 +278,11 @@ pub fn read_shape(path: &Path, options: &ReadOptions) -> Result<Occupancy, ReadE
 /// [`ReadError`]: a file that cannot be opened, of an unknown kind, or malformed; voxels of another size or a point cloud, unless the options
 /// take them.
 pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, ReadError> {
-    let (content, mut notes) = read_noted(path)?;
+    let (content, mut notes, scale) = read_noted(path)?;
     let up = options.up.unwrap_or_else(|| usual_up(path));
-    let object = match content.turned_up(up) {
+    let content = content.turned_up(up);
+    let lengths = lengths_of(&content, scale, options);
+    let object = match content {
         Content::Voxels(object) if object.dims() == options.dims => object,
         Content::Voxels(object) if options.resample => {
             notes.push(Note::Resampled { from: object.dims() });
@@ -301,7 +307,23 @@ pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, R
         }
         Content::Points(cloud) => return Err(ReadError::PointCloud { path: path.into(), points: cloud.points().len() }),
     };
-    Ok(Reading { object, notes })
+    Ok(Reading { object, notes, lengths })
+}
+
+/// The lengths of what was read, in the unit of its file; aligned shapes have been scaled to one cube and have none.
+fn lengths_of(content: &Content, scale: Option<f64>, options: &ReadOptions) -> Option<[f64; 3]> {
+    if options.placing == Placing::UnitCube {
+        return None;
+    }
+    match content {
+        Content::Voxels(object) => {
+            let longest = <[usize; 3]>::from(object.dims()).into_iter().fold(1, usize::max) as f64;
+            let [low, high] = object.bounds()?;
+            scale.map(|scale| std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 * scale / longest))
+        }
+        Content::Mesh(mesh) => Some((mesh.bounds()[1] - mesh.bounds()[0]).into()),
+        Content::Points(cloud) => Some((cloud.bounds()[1] - cloud.bounds()[0]).into()),
+    }
 }
 
 fn frame(bounds: [nalgebra::Point3<f64>; 2], options: &ReadOptions) -> Frame {

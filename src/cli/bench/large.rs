@@ -7,6 +7,7 @@ use beo_core::grid::{Occupancy, View};
 use beo_core::perception::Perceiver;
 use beo_lab::benchmark::large::{Large as Measured, POSES, measure};
 use beo_lab::benchmark::machine::{Circumstances, Watch};
+use beo_shapes::Units;
 use beo_shapes::library::LoadOptions;
 use beo_shapes::read_shape;
 use clap::Args;
@@ -58,7 +59,7 @@ impl Large {
         let objects: Vec<Occupancy> = match &self.shapes[..] {
             [folder] if folder.is_dir() => {
                 shapes::require_flat(folder)?;
-                let found = shapes::load(folder, &[], &LoadOptions { read, skip_duplicates: false, minimum: 1 })?;
+                let found = shapes::load(folder, &[], &LoadOptions { read, skip_duplicates: false, minimum: 1, units: Units::None })?;
                 found.set.shapes.into_iter().map(|shape| shape.object).collect()
             }
             files => files.iter().map(|file| read_shape(file, &read)).collect::<Result<_, _>>()?,

@@ -13,6 +13,7 @@ use beo_lab::benchmark::query::{
     own_answers, questions, time_answers, time_icp,
 };
 use beo_lab::evaluation::sample;
+use beo_shapes::Units;
 use beo_shapes::library::LoadOptions;
 use beo_shapes::read_shape;
 use clap::Args;
@@ -144,7 +145,7 @@ impl Query {
                 if split.is_none() {
                     shapes::require_flat(folder)?;
                 }
-                let options = LoadOptions { read, skip_duplicates: false, minimum: 1 };
+                let options = LoadOptions { read, skip_duplicates: false, minimum: 1, units: Units::None };
                 let library = shapes::load(folder, split.as_slice(), &options)?;
                 let chosen = sample(&library.set, Some(count), 0);
                 let object = |shape: &&beo_core::learning::Shape| Object {

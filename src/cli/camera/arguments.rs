@@ -267,6 +267,7 @@ impl Camera {
             PoseArgument::Known => PoseSearch::Known,
             PoseArgument::Yaw => PoseSearch::Yaw,
             PoseArgument::Full => PoseSearch::Full,
+            PoseArgument::Rest => PoseSearch::Rest,
         };
         ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
     }

@@ -1,58 +1,40 @@
-//! Densities of what cameras see of upright objects, by elevation and yaw.
+//! Densities of what cameras see of objects on tables, by elevation and yaw.
 //!
-//! Per class and learned elevation, many shapes are seen by a simulated camera near that elevation, turned by all steps of yaw, each a
-//! little off; from varied distances, with noise, with and without a table, a strip without readings, something in front. The
-//! features of the shadow of what is carved, in the view's frame, get a Gaussian, and how exactly the object lies a regression on them. How sure the
-//! densities may be of class and yaw is fitted on shapes that are left out at first.
+//! A class is a mixture of components: kinds of true size (`sizes`), each in its resting poses (`resting`). Of each component and learned
+//! elevation, many shapes are seen by a simulated camera near that elevation, turned by all steps of yaw, each a little off, with what
+//! sensors and masks get wrong (`simulation`). The features of the shadow of what is carved, in the view's frame, get a Gaussian, and how
+//! exactly the object lies a regression on them. How sure the densities may be of class and pose is fitted on shapes that are left out at
+//! first (`camera_calibration`).
 
-use super::calibration::fit_blend;
+use super::camera_calibration::calibrate;
+use super::camera_views::{ClassShapes, Part, are_plain, around, parts, stream};
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
-use crate::grid::{Dims, Observation, Occupancy, Outside, Placed, Rotation, yaw};
 use crate::linear::LinearError;
-use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
-use crate::perception::camera::camera_search::{CameraScratch, CameraSearch};
-use crate::perception::camera::{CELLS, CameraFeatures, CameraScores, KnownPlacement, Shadow, ShadowImage, ViewFrame, ViewWork};
-use crate::perception::densities::log_sum::log_sum_exp;
-use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::scored::Scored;
-use crate::perception::timings::Clock;
-use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
-use crate::simulation::{Conditions, Eye, View};
+use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
+use crate::perception::PerceiveError;
+use crate::perception::camera::{CELLS, CameraFeatures, Shadow, ShadowImage};
+use crate::perception::evidence::placed::EvidenceModel;
+use crate::simulation::Sensing;
 use faer::Mat;
 use half::f16;
-use nalgebra::Vector3;
-use rand::seq::SliceRandom;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use rand::RngExt;
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
+use std::f64::consts::TAU;
 
-/// Most features.
-const FEATURES: usize = 64;
+/// Most features: of few components, and of many, so that the model does not grow.
+const FEATURES: [usize; 2] = [64, 48];
+const FEW_COMPONENTS: usize = 12;
 /// Views from which the features are learned.
 const FEATURE_VIEWS: (usize, usize) = (300, 2000);
-/// Views per class, elevation and step of yaw: about one per shape, within the bounds; half as many for the calibration.
-const VIEW_BOUNDS: (usize, usize) = (50, 90);
+/// Views per component, elevation and step of yaw: about one per shape, within the bounds; half as many for the calibration.
+const VIEW_BOUNDS: [(usize, usize); 2] = [(50, 90), (40, 50)];
+/// As many times as many of what looks the same from all sides, for all steps of yaw at once.
+const ROUND_VIEWS: usize = 3;
 /// The yaw of a view is uniform within so many steps about its own, and its elevation within so much of the distance to the next.
 const WINDOW: f64 = 0.75;
 /// Least variance of a feature, as a share of the mean variance: see `view_density`.
 const LEAST_VARIANCE: f64 = 1e-3;
-/// Distances of the camera, in longest sides of the object.
-const DISTANCES: [f64; 2] = [2.5, 6.0];
-/// Views for the calibration: so many per shape that is left out, but no more in all.
-const SEEN: usize = 4;
-const MOST_SEEN: usize = 2400;
-/// Of these, at most so many are answered as queries are, for the deviations of place and size; fewer than the second say too little.
-const MOST_PLACED: usize = 300;
-const FEWEST_PLACED: usize = 30;
-/// No deviation is drawn in by more than this.
-const LEAST_SPREAD: f64 = 0.25;
-/// Most voxels of grids that are carved for training; of bigger shapes the grids are smaller, and the evidence is not weighed.
-const MOST_VOXELS: usize = 64 * 64 * 64;
-/// Factors on the log density among which left-out shapes choose for the yaw.
-const WEIGHTS: [f64; 8] = [0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0];
 
 /// Outcome of the learning.
 pub struct Learned {
@@ -64,11 +46,9 @@ pub struct Learned {
 
 /// Shapes that are left out at first, and what was learned without them.
 pub struct LeftOut<'a> {
-    /// Shapes of each class that are not left out.
-    pub kept: Vec<Vec<&'a Occupancy>>,
-    /// Those that are.
-    pub held: Vec<Vec<&'a Occupancy>>,
-    /// Classes learned from `kept`.
+    /// Of each class, which of its shapes are left out.
+    pub held: &'a [Vec<usize>],
+    /// Classes learned from the others.
     pub evidence: EvidenceModel,
     /// Weight and offsets of their evidence alone.
     pub evidence_blend: &'a Blend,
@@ -76,18 +56,27 @@ pub struct LeftOut<'a> {
     pub longest_side: usize,
 }
 
-/// Learns from the shapes of each class, for cameras at these `elevations` (radians, ascending). The same shapes and seed give the same
-/// densities, whatever the number of threads.
-pub fn camera_densities(
-    classes: &[Vec<&Occupancy>],
-    left_out: &LeftOut<'_>,
-    elevations: &[f64],
-    seed: u64,
-) -> Result<Learned, PerceiveError> {
-    let components = feature_basis(classes, elevations, seed)?;
-    let densities = fit(&left_out.kept, elevations, &components, seed, 2)?;
-    let calibration = calibrate(densities, left_out, seed)?;
-    Ok(Learned { densities: fit(classes, elevations, &components, seed, 1)?, calibration })
+/// How views are made.
+#[derive(Clone, Copy, Debug)]
+pub struct Views<'a> {
+    /// Elevations of cameras, radians, ascending.
+    pub elevations: &'a [f64],
+    /// What sensors and masks get wrong.
+    pub sensing: Sensing,
+    /// Whether objects lie as well as stand.
+    pub lying: bool,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// Learns from the shapes of each class. The same shapes and seed give the same densities, whatever the number of threads.
+pub fn camera_densities(classes: &[ClassShapes<'_>], left_out: &LeftOut<'_>, views: &Views<'_>) -> Result<Learned, PerceiveError> {
+    let parts = parts(classes, views.lying);
+    let features = feature_basis(&parts, views)?;
+    let is_kept = |class: usize, shape: usize| !left_out.held[class].contains(&shape);
+    let densities = fit(&parts, views, &features, 2, &is_kept)?;
+    let calibration = calibrate(densities, &parts, left_out, classes.len(), views)?;
+    Ok(Learned { densities: fit(&parts, views, &features, 1, &|_, _| true)?, calibration })
 }
 
 /// B and the mean variance along its columns.
@@ -97,106 +86,61 @@ struct Features {
     variance: f64,
 }
 
-/// Random numbers for one view.
-fn stream(seed: u64, class: u64, view: u64) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6361_6d65_7261);
-    rng.set_stream((class << 40) ^ view);
-    rng
-}
-
-/// A view of a shape, and how the shape lies in it.
-struct Sample {
-    /// Where the camera was, in voxels from the grid's centre.
-    camera: Vector3<f64>,
-    frame: ViewFrame,
-    observation: Observation,
-    placed: Placed,
-}
-
-/// Sees a shape that is turned by `turned` radians relative to the direction of looking, from an elevation; `None` if too little is seen.
-fn see(object: &Occupancy, turned: f64, elevation: f64, rng: &mut ChaCha8Rng) -> Option<Sample> {
-    let [low, high] = object.bounds()?;
-    let size = (0..3).map(|a| high[a] - low[a]).max()? as f64;
-    let conditions = Conditions::draw(rng);
-    // The camera looks along +x of the frame; in the object's frame that direction is turned back.
-    let eye = Eye { azimuth: PI - turned, elevation, distance: size * rng.random_range(DISTANCES[0]..DISTANCES[1]) };
-    let view = View::new(object, &eye, &conditions, rng)?;
-    // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
-    let axes = yaw(-turned);
-    let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
-    let first = points.first()?;
-    let (low, high) = points.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
-    let dims = if object.dims().voxels() <= MOST_VOXELS { object.dims() } else { Dims::cube(30).ok()? };
-    let shortest = dims.x().min(dims.y()).min(dims.z()) as f64;
-    let edge = ((high - low).max() / (beo_camera::Placement::default().share * shortest)).max(1e-3);
-    let centre = axes * ((low + high) / 2.0);
-    let (mut bytes, mut observation) = (Vec::new(), Observation::unknown(dims));
-    view.carve(dims, &axes, &centre, edge, &mut bytes, &mut observation);
-    let grid_from_object = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
-    let placed = Placed { rotation: yaw(turned), scale: 1.0 / edge, shift: grid_from_object(Vector3::zeros()) };
-    let camera = grid_from_object(eye.position());
-    let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
-    Some(Sample { camera, frame, observation, placed })
-}
-
-impl Sample {
-    /// The offsets from a step of yaw.
-    fn offsets(&self, object: &Occupancy, step: usize) -> [f64; OFFSETS] {
-        let (rotation, scale, place) = self.frame.seen(&self.placed);
-        let rest = rest_of(&rotation, step);
-        let [low, high] = object.bounds().unwrap_or([[0; 3], [1; 3]]);
-        let length = |axis: usize| (high[axis] - low[axis]) as f64 * scale;
-        [rest, scale.ln(), place.x, place.y, place.z, length(0), length(1), length(2)]
-    }
-}
-
-fn rest_of(rotation: &Rotation, step: usize) -> f64 {
-    (crate::grid::yaw_of(rotation) - CameraDensities::yaw(step) + PI).rem_euclid(TAU) - PI
-}
-
-/// Uniform in ±`half`.
-fn around(half: f64, rng: &mut ChaCha8Rng) -> f64 {
-    half * rng.random_range(-1.0..1.0)
-}
-
 /// How far an elevation of the list is from its neighbours, radians.
 fn reach(elevations: &[f64], e: usize) -> f64 {
     let beside = [e.checked_sub(1), Some(e + 1)].into_iter().flatten().filter_map(|other| elevations.get(other));
     beside.map(|other| (other - elevations[e]).abs()).reduce(f64::min).unwrap_or(10_f64.to_radians())
 }
 
-fn feature_basis(classes: &[Vec<&Occupancy>], elevations: &[f64], seed: u64) -> Result<Features, LinearError> {
-    let shapes: Vec<&Occupancy> = classes.iter().flatten().copied().collect();
-    let count = (2 * shapes.len()).clamp(FEATURE_VIEWS.0, FEATURE_VIEWS.1);
+/// Whether there are so many components that each gets fewer features and views; classes alone never are.
+fn are_many(parts: &[Part]) -> bool {
+    parts.len() > FEW_COMPONENTS && !are_plain(parts)
+}
+
+fn feature_basis(parts: &[Part], views: &Views<'_>) -> Result<Features, LinearError> {
+    let all: Vec<_> = parts.iter().flat_map(|part| &part.shapes).collect();
+    let (shapes, plain) = (all.len(), are_plain(parts));
+    let count = (2 * shapes).clamp(FEATURE_VIEWS.0, FEATURE_VIEWS.1);
     let hulls: Vec<Vec<f32>> = (0..count)
         .into_par_iter()
         .map(|view| {
-            let mut rng = stream(seed, 1 << 20, view as u64);
-            let e = rng.random_range(0..elevations.len());
-            let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
+            let mut rng = stream(views.seed, 1 << 20, view as u64);
+            let e = rng.random_range(0..views.elevations.len());
+            let elevation = views.elevations[e] + around(WINDOW * reach(views.elevations, e), &mut rng);
             let mut hull = vec![0.0; CELLS];
-            if let Some(sample) = see(shapes[view * shapes.len() / count], rng.random_range(0.0..TAU), elevation, &mut rng) {
+            let chosen = match plain {
+                true => all.get(view * shapes / count).copied(),
+                // All components alike.
+                false => {
+                    let of = &parts[view % parts.len()].shapes;
+                    of.get((view / parts.len() * 7) % of.len().max(1))
+                }
+            };
+            let Some(shape) = chosen else { return hull };
+            if let Some(sample) = shape.see(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng) {
                 sample.frame.shadow(&sample.observation, &mut ShadowImage::default(), &mut hull);
             }
             hull
         })
         .collect();
-    let size = FEATURES.min(count / 2);
-    let components = principal_components(hulls, size, &mut stream(seed, 1 << 21, 0))?;
+    let most = FEATURES[usize::from(are_many(parts))];
+    let size = most.min(count / 2);
+    let components = principal_components(hulls, size, &mut stream(views.seed, 1 << 21, 0))?;
     Ok(Features { basis: components.rows(), size, variance: components.variance })
 }
 
-/// Densities from one in `share` of the views.
+/// Densities from one in `share` of the views, of the shapes that `is_kept` (class, shape).
 fn fit(
-    classes: &[Vec<&Occupancy>],
-    elevations: &[f64],
+    parts: &[Part],
+    views: &Views<'_>,
     features: &Features,
-    seed: u64,
     share: usize,
+    is_kept: &(dyn Fn(usize, usize) -> bool + Sync),
 ) -> Result<CameraDensities, LinearError> {
     let size = features.size;
     let mut densities = CameraDensities {
-        elevations: elevations.to_vec(),
+        elevations: views.elevations.to_vec(),
+        components: parts.iter().map(|part| part.component.clone()).collect(),
         size,
         basis: features.basis.clone(),
         means: Vec::new(),
@@ -207,42 +151,49 @@ fn fit(
     };
     let scores = CameraFeatures::new(&densities.basis, size);
     let ridge = (LEAST_VARIANCE * features.variance).max(1e-4);
-    for e in 0..elevations.len() {
-        let moments: Vec<Vec<Moments>> = (0..YAWS)
-            .into_par_iter()
-            .map(|step| {
-                let (mut shadow, mut z) = (Shadow::default(), Vec::new());
-                let of_class = |(s, shapes): (usize, &Vec<&Occupancy>)| {
-                    let count = shapes.len().clamp(VIEW_BOUNDS.0, VIEW_BOUNDS.1) / share;
-                    let mut rng = stream(seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
-                    let (mut rows, mut offsets) = (Vec::new(), Vec::new());
-                    let first = rng.random_range(0..shapes.len());
-                    for view in 0..count {
-                        // Spread over the shapes, or each more than once.
-                        let next = if count < shapes.len() { view * shapes.len() / count } else { view };
-                        let object = shapes[(first + next) % shapes.len()];
-                        let turned = CameraDensities::yaw(step) + around(WINDOW * TAU / YAWS as f64, &mut rng);
-                        let elevation = elevations[e] + around(WINDOW * reach(elevations, e), &mut rng);
-                        if let Some(sample) = see(object, turned, elevation, &mut rng) {
-                            scores.of(&sample.frame, &sample.observation, &mut shadow, &mut z);
-                            rows.extend_from_slice(&z);
-                            offsets.push(sample.offsets(object, step));
-                        }
+    let bounds = VIEW_BOUNDS[usize::from(are_many(parts))];
+    for e in 0..views.elevations.len() {
+        let moments_of = |step: usize, round: bool| -> Vec<Option<Moments>> {
+            let (mut shadow, mut z) = (Shadow::default(), Vec::new());
+            let of_part = |(s, part): (usize, &Part)| {
+                if part.is_round != round {
+                    return None;
+                }
+                let shapes: Vec<_> = part.shapes.iter().filter(|shape| is_kept(part.component.class, shape.shape)).collect();
+                let count = shapes.len().clamp(bounds.0, bounds.1) / share * if round { ROUND_VIEWS } else { 1 };
+                let mut rng = stream(views.seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
+                let (mut rows, mut offsets) = (Vec::new(), Vec::new());
+                let first = rng.random_range(0..shapes.len().max(1));
+                let angle = CameraDensities::yaw(step);
+                for view in 0..if shapes.is_empty() { 0 } else { count } {
+                    // Spread over the shapes, or each more than once.
+                    let next = if count < shapes.len() { view * shapes.len() / count } else { view };
+                    let shape = shapes[(first + next) % shapes.len()];
+                    let turned = angle + around(WINDOW * TAU / YAWS as f64, &mut rng);
+                    let elevation = views.elevations[e] + around(WINDOW * reach(views.elevations, e), &mut rng);
+                    if let Some(sample) = shape.see(turned, elevation, views.sensing, &mut rng) {
+                        scores.of(&sample.frame, &sample.observation, &mut shadow, &mut z);
+                        rows.extend_from_slice(&z);
+                        offsets.push(sample.offsets(&part.component.rotation(), angle));
                     }
-                    if offsets.is_empty() {
-                        // Shapes of which nothing can be seen: a density that fits nothing.
-                        rows.resize(size, 0.0);
-                        offsets.push([0.0; OFFSETS]);
-                    }
-                    let rows = Mat::<f32>::from_fn(offsets.len(), size, |i, j| rows[i * size + j]);
-                    let offsets = Mat::<f64>::from_fn(offsets.len(), OFFSETS, |i, j| offsets[i][j]);
-                    Moments::new(rows.as_ref(), offsets, ridge)
-                };
-                classes.iter().enumerate().map(of_class).collect()
-            })
-            .collect();
-        for step in &moments {
-            for gaussian in regressed(&step.iter().collect::<Vec<_>>())? {
+                }
+                if offsets.is_empty() {
+                    // Shapes of which nothing can be seen: a density that fits nothing.
+                    rows.resize(size, 0.0);
+                    offsets.push([0.0; OFFSETS]);
+                }
+                let rows = Mat::<f32>::from_fn(offsets.len(), size, |i, j| rows[i * size + j]);
+                let offsets = Mat::<f64>::from_fn(offsets.len(), OFFSETS, |i, j| offsets[i][j]);
+                Some(Moments::new(rows.as_ref(), offsets, ridge))
+            };
+            parts.iter().enumerate().map(of_part).collect()
+        };
+        let by_step: Vec<Vec<Option<Moments>>> = (0..=YAWS).into_par_iter().map(|n| moments_of(n % YAWS, n == YAWS)).collect();
+        let (round, by_step) = by_step.split_last().expect("there are steps");
+        for step in by_step {
+            // What looks the same from all sides has one Gaussian for all steps.
+            let all: Vec<&Moments> = step.iter().zip(round).filter_map(|(own, round)| own.as_ref().or(round.as_ref())).collect();
+            for gaussian in regressed(&all)? {
                 densities.means.extend(gaussian.mean.iter().map(|v| f16::from_f64(*v)));
                 densities.whitening.extend(gaussian.packed_whitening());
                 densities.regression.extend(gaussian.regression_rows());
@@ -252,199 +203,4 @@ fn fit(
         }
     }
     Ok(densities)
-}
-
-/// Scores of one view of a shape that was left out.
-struct ViewScores {
-    class: usize,
-    /// The step of its yaw.
-    truth: usize,
-    /// Scores by `[class][step]`.
-    table: Vec<f64>,
-    /// The same where yaw, size and place are told, and the evidence then, by class.
-    told: Vec<f64>,
-    evidence: Vec<f64>,
-}
-
-/// How sure the densities may be, on shapes that they have not seen.
-fn calibrate(densities: CameraDensities, left_out: &LeftOut<'_>, seed: u64) -> Result<CameraCalibration, PerceiveError> {
-    let [lowest, highest] = [densities.elevations[0], densities.elevations[densities.elevations.len() - 1]];
-    let scores = CameraScores::new(Arc::new(densities));
-    let m = left_out.held.len();
-    let of_class = |(s, shapes): (usize, &Vec<&'_ Occupancy>)| -> Vec<(usize, usize, usize)> {
-        (0..shapes.len()).flat_map(|i| (0..SEEN).map(move |n| (s, i, i * SEEN + n))).collect()
-    };
-    let mut views: Vec<(usize, usize, usize)> = left_out.held.iter().enumerate().flat_map(of_class).collect();
-    views.shuffle(&mut stream(seed, 1 << 23, 0));
-    views.truncate(MOST_SEEN);
-    let look = |(class, shape, view): &(usize, usize, usize)| -> Option<Sample> {
-        let mut rng = stream(seed, 1 << 22 | *class as u64, *view as u64);
-        let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
-        let turned: f64 = rng.random_range(0.0..TAU);
-        see(left_out.held[*class][*shape], turned, elevation, &mut rng)
-    };
-    let score = |place: &(usize, usize, usize)| -> Option<Result<ViewScores, PerceiveError>> {
-        let (class, sample) = (place.0, look(place)?);
-        let mut work = ViewWork::default();
-        let mut scored = |told: &KnownPlacement| {
-            scores.score(&sample.frame, &sample.observation, told, &vec![true; m], &mut work);
-            let mut table = vec![f64::NEG_INFINITY; m * YAWS];
-            work.cells.iter().for_each(|cell| table[cell.class * YAWS + cell.step] = cell.score);
-            table
-        };
-        let (rotation, scale, place) = sample.frame.seen(&sample.placed);
-        let table = scored(&KnownPlacement::default());
-        let told = scored(&KnownPlacement { yaw: Some(crate::grid::yaw_of(&rotation)), scale: Some(scale), place: Some(place) });
-        let truth = (0..YAWS).min_by(|a, b| rest_of(&rotation, *a).abs().total_cmp(&rest_of(&rotation, *b).abs()))?;
-        let evidence = left_out.evidence(&sample);
-        Some(evidence.map(|evidence| ViewScores { class, truth, table, told, evidence }))
-    };
-    let scored: Vec<ViewScores> = views.par_iter().filter_map(score).collect::<Result<_, _>>()?;
-    let yaw_loss = |weight: f64| -> f64 {
-        let loss = |view: &ViewScores| {
-            let of_class = &view.table[view.class * YAWS..(view.class + 1) * YAWS];
-            log_sum_exp(of_class.iter().map(|value| weight * value)) - weight * of_class[view.truth]
-        };
-        scored.iter().map(loss).sum::<f64>() / scored.len().max(1) as f64
-    };
-    let losses = WEIGHTS.map(yaw_loss);
-    let best = (0..WEIGHTS.len()).min_by(|a, b| losses[*a].total_cmp(&losses[*b])).unwrap_or(0);
-    let pose_weight = WEIGHTS[best];
-    let labels: Vec<usize> = scored.iter().map(|view| view.class).collect();
-    let marginal = |of: fn(&ViewScores) -> &Vec<f64>| -> Vec<Vec<f64>> {
-        scored
-            .iter()
-            .map(|view| {
-                of(view).chunks_exact(YAWS).map(|row| log_sum_exp(row.iter().map(|value| pose_weight * value)) / pose_weight).collect()
-            })
-            .collect()
-    };
-    let fitted = fit_blend(&[marginal(|view| &view.table)], &labels, m, true)?;
-    tracing::debug!(
-        pose_weight,
-        yaw_loss = losses[best],
-        log_loss = fitted.log_loss,
-        accuracy = fitted.accuracy,
-        weight = fitted.weights[0],
-        views = labels.len(),
-        "camera densities on shapes that were left out"
-    );
-    let together = if scored.iter().all(|view| view.evidence.len() == m) && !scored.is_empty() {
-        let evidence = scored.iter().map(|view| view.evidence.clone()).collect();
-        let both = fit_blend(&[marginal(|view| &view.told), evidence], &labels, m, true)?;
-        tracing::debug!(log_loss = both.log_loss, accuracy = both.accuracy, weights = ?both.weights, "with the evidence, as they truly lie");
-        Some(Blend { hull: both.weights[0], evidence: both.weights[1], distance: 0.0, offsets: both.offsets })
-    } else {
-        None
-    };
-    let mut calibration = CameraCalibration {
-        pose_weight,
-        blend: Blend { hull: fitted.weights[0], offsets: fitted.offsets, ..Blend::default() },
-        together,
-        spread: Some(CameraSpread::ONE),
-        views: labels.len(),
-        accuracy: fitted.accuracy,
-        log_loss: fitted.log_loss,
-    };
-    views.truncate(MOST_PLACED);
-    let samples = || views.par_iter().filter_map(|place| Some((left_out.held[place.0][place.1], look(place)?)));
-    calibration.spread = left_out.spread((scores, calibration.clone()), samples)?;
-    tracing::debug!(spread = ?calibration.spread, "deviations of place and size on shapes that were left out");
-    Ok(calibration)
-}
-
-/// Below which 68.3 % of the values lie, the share of a Gaussian within one deviation; the values are sorted on the way.
-fn one_deviation(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    let at = 0.683 * values.len().saturating_sub(1) as f64;
-    let (below, share) = (at.floor() as usize, at.fract());
-    let value = |i: usize| values.get(i.min(values.len().saturating_sub(1))).copied().unwrap_or(1.0);
-    value(below) + share * (value(below + 1) - value(below))
-}
-
-impl LeftOut<'_> {
-    /// Whether what is carved for training has the size of the canonical grid, so that evidence can be computed of it.
-    fn is_same_size(&self, sample: &Sample) -> bool {
-        self.evidence.dims() == sample.observation.dims()
-    }
-
-    /// By how much deviations of place and size are too small: views are answered as queries are, everything unknown. None where the grids
-    /// differ in size.
-    fn spread<'b, I: ParallelIterator<Item = (&'b Occupancy, Sample)>>(
-        &self,
-        cameras: (CameraScores, CameraCalibration),
-        samples: impl Fn() -> I,
-    ) -> Result<Option<CameraSpread>, PerceiveError> {
-        let wanted = vec![true; self.held.len()];
-        let answer = |(object, sample): (&Occupancy, Sample)| -> Option<Result<[[f64; 3]; 2], PerceiveError>> {
-            if !self.is_same_size(&sample) {
-                return None;
-            }
-            let query = Query {
-                camera: Some(sample.camera),
-                pose: PoseSearch::YAW,
-                scale: ScaleSearch::Search { side: None },
-                outside: Outside::Unknown,
-                ..Query::default()
-            };
-            let search = CameraSearch {
-                evidence: &self.evidence,
-                evidence_blend: self.evidence_blend,
-                longest_side: self.longest_side,
-                cameras: Some(&cameras),
-                query: &query,
-                wanted: &wanted,
-            };
-            let (mut clock, mut out) = (Clock::start(), Scored::default());
-            out.start(wanted.len(), true);
-            if let Err(error) = search.score(&sample.observation, &mut CameraScratch::default(), &mut clock, &mut out) {
-                return Some(Err(error));
-            }
-            let (placed, found) = out.placement?;
-            let [low, high] = object.bounds()?;
-            // The grid of a view lies along its frame.
-            let away = placed.shift - sample.placed.shift;
-            let length = |axis: usize| (high[axis] - low[axis]) as f64 * sample.placed.scale;
-            Some(Ok([
-                std::array::from_fn(|axis| away[axis].abs() / found.position_deviation_voxels[axis].max(1e-6)),
-                std::array::from_fn(|axis| {
-                    (found.extent_voxels[axis] - length(axis)).abs() / found.extent_deviation_voxels[axis].max(1e-6)
-                }),
-            ]))
-        };
-        let errors: Vec<[[f64; 3]; 2]> = samples().filter_map(answer).collect::<Result<_, _>>()?;
-        if errors.len() < FEWEST_PLACED {
-            return Ok(None);
-        }
-        let factor = |which: usize, axis: usize| {
-            let mut values: Vec<f64> = errors.iter().map(|error| error[which][axis]).collect();
-            one_deviation(&mut values).max(LEAST_SPREAD)
-        };
-        let factors = |which: usize| std::array::from_fn(|axis| factor(which, axis));
-        Ok(Some(CameraSpread { place: factors(0), extent: factors(1) }))
-    }
-
-    /// Log evidence of each class for a shape that lies as it truly does; none where the grids differ in size.
-    fn evidence(&self, sample: &Sample) -> Result<Vec<f64>, PerceiveError> {
-        if !self.is_same_size(sample) {
-            return Ok(Vec::new());
-        }
-        let mut scratch = EvidenceScratch::new(sample.observation.dims());
-        self.evidence.place(&sample.observation, &sample.placed, Outside::Unknown, &mut scratch)?;
-        let of = |class: usize| Ok(self.evidence.of_class(class, &mut scratch)?.log_ratio);
-        (0..self.held.len()).map(of).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// numpy.quantile([1, 2, ..., 11], 0.683)
-    #[test]
-    fn one_deviation_is_a_quantile() {
-        let mut values: Vec<f64> = (1..=11).rev().map(f64::from).collect();
-        assert!((one_deviation(&mut values) - 7.83).abs() < 1e-12);
-        assert_eq!(one_deviation(&mut [3.0]), 3.0);
-    }
 }

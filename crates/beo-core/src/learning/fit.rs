@@ -22,6 +22,8 @@ const LEAST_NOISE: f64 = 0.05;
 pub(super) struct Data<'a> {
     pub dims: Dims,
     pub classes: Vec<Vec<&'a Occupancy>>,
+    /// True lengths of the shapes, metres, if they are known.
+    pub lengths_m: Option<Vec<Vec<[f64; 3]>>>,
     overlaps: Vec<Mat<f64>>,
 }
 
@@ -35,7 +37,7 @@ impl<'a> Data<'a> {
     /// Shapes of one size, by class.
     pub fn new(dims: Dims, classes: Vec<Vec<&'a Occupancy>>) -> Self {
         let overlaps = classes.iter().map(|c| overlaps(c)).collect();
-        Self { dims, classes, overlaps }
+        Self { dims, classes, lengths_m: None, overlaps }
     }
 
     /// Stratified folds by a seeded shuffle of each class.

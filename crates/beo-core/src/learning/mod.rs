@@ -11,7 +11,11 @@
 //! | `regressed` | Gaussians of features with a regression on them | |
 //! | `render` | height maps of turned shapes | |
 //! | `view_density` | densities of turned objects seen from above, by direction | principal components, Gaussians |
-//! | `camera_density` | densities of what cameras see, by elevation and yaw | the same |
+//! | `sizes` | true sizes of a class's shapes | mixture of Gaussians, EM |
+//! | `hull`, `resting` | in which ways shapes come to rest | Goldberg et al. 1999 |
+//! | `camera_views` | shapes at rest, as cameras see them | |
+//! | `camera_density` | densities of what cameras see, by elevation and yaw | principal components, Gaussians |
+//! | `camera_calibration` | how sure they may be | logistic regression |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
 //! | `fit` | bases and classes of some of the shapes | |
 //! | `shapes` | what is learned from | |
@@ -22,16 +26,21 @@
 
 mod basis;
 mod calibration;
+mod camera_calibration;
 mod camera_density;
+mod camera_views;
 mod components;
 mod fit;
 mod gram;
 mod held_out;
+mod hull;
 mod hull_density;
 mod regressed;
 mod render;
+mod resting;
 mod shapes;
 mod shrinkage;
+mod sizes;
 mod train;
 pub mod vbpca;
 mod view_density;

@@ -20,4 +20,6 @@ pub struct ShapeSet {
     pub classes: Vec<String>,
     /// The shapes, all on grids of one size.
     pub shapes: Vec<Shape>,
+    /// True lengths of each shape along its canonical axes, metres, in the same order; `None` where units are not known.
+    pub lengths_m: Option<Vec<[f64; 3]>>,
 }

@@ -1,6 +1,7 @@
 //! The training driver: one fit on all shapes, and fits on folds from whose held-out objects the calibration is learned.
 
-use super::camera_density::{LeftOut, camera_densities};
+use super::camera_density::{LeftOut, Views, camera_densities};
+use super::camera_views::ClassShapes;
 use super::fit::{Data, Fit, Pass};
 use super::held_out::{HeldOut, calibrate};
 use super::hull_density::HullMoments;
@@ -12,6 +13,7 @@ use crate::linear::LinearError;
 use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Searched, Settings, levels_of};
 use crate::perception::PerceiveError;
 use crate::perception::evidence::placed::EvidenceModel;
+use crate::simulation::Sensing;
 use faer::Mat;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -26,6 +28,10 @@ pub struct TrainOptions {
     pub views: Vec<View>,
     /// Elevations of the cameras to be met, degrees above the horizontal, ascending: densities of what they see are learned; none for none.
     pub camera_elevations_deg: Vec<f64>,
+    /// What sensors and masks get wrong in the cameras' views.
+    pub sensing: Sensing,
+    /// Whether the resting poses of the shapes are learned for cameras; else all stand upright.
+    pub lying: bool,
     /// Share of the variance that sizes a class basis.
     pub variance_share: f64,
     /// Least and most components of a class basis.
@@ -51,6 +57,8 @@ impl Default for TrainOptions {
         Self {
             views: vec![View::Top],
             camera_elevations_deg: Vec::new(),
+            sensing: Sensing::Mild,
+            lying: false,
             variance_share: 0.6,
             basis_range: [30, 70],
             seed: 0,
@@ -143,8 +151,14 @@ pub fn train(shapes: &ShapeSet, options: &TrainOptions, progress: &(dyn Fn(Step)
     }
     // Cameras are searched where poses are.
     let elevations = if smaller.is_empty() && options.poses { options.camera_elevations_deg.clone() } else { Vec::new() };
+    let mut data = Data::new(dims, classes);
+    if let Some(lengths) = shapes.lengths_m.as_ref().filter(|lengths| lengths.len() == shapes.shapes.len()) {
+        let mut of_class = vec![Vec::new(); shapes.classes.len()];
+        shapes.shapes.iter().zip(lengths).for_each(|(shape, lengths)| of_class[shape.class].push(*lengths));
+        data.lengths_m = Some(of_class);
+    }
     let options = TrainOptions { camera_elevations_deg: elevations, ..options.clone() };
-    let model = learn(&Data::new(dims, classes), &shapes.classes, &options, progress)?;
+    let model = learn(&data, &shapes.classes, &options, progress)?;
     let searched = match model.searched {
         Searched::KnownPoseOnly { footprint: Some(footprint) } if !levels.is_empty() => Searched::OnLevels { footprint, levels },
         searched => searched,
@@ -220,20 +234,20 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
     if let Some(first) = first {
         step("learning what cameras see", folds.len() + 3);
         let elevations: Vec<f64> = options.camera_elevations_deg.iter().map(|e| e.to_radians()).collect();
-        let of = |chosen: &dyn Fn(usize) -> Vec<usize>| -> Vec<Vec<&Occupancy>> {
-            (0..data.classes.len()).map(|s| chosen(s).into_iter().map(|i| data.classes[s][i]).collect()).collect()
-        };
-        let fold = &folds[0];
-        let evidence = EvidenceModel { noise_variance: first.noise_variance * calibration.noise_inflation, ..first };
+        let mut held = vec![Vec::new(); data.classes.len()];
+        folds[0].held.iter().for_each(|(class, shape)| held[*class].push(*shape));
         let evidence_blend = calibration.evidence.clone();
         let left_out = LeftOut {
-            kept: of(&|s| fold.kept[s].clone()),
-            held: of(&|s| fold.held.iter().filter(|(class, _)| *class == s).map(|(_, i)| *i).collect()),
-            evidence,
+            held: &held,
+            evidence: EvidenceModel { noise_variance: first.noise_variance * calibration.noise_inflation, ..first },
             evidence_blend: &evidence_blend,
             longest_side: options.longest_side,
         };
-        let learned = camera_densities(&data.classes, &left_out, &elevations, options.seed)?;
+        let lengths = |class: usize| data.lengths_m.as_ref().map(|lengths| &lengths[class][..]);
+        let shapes: Vec<ClassShapes<'_>> =
+            data.classes.iter().enumerate().map(|(s, objects)| ClassShapes { objects, lengths_m: lengths(s) }).collect();
+        let views = Views { elevations: &elevations, sensing: options.sensing, lying: options.lying, seed: options.seed };
+        let learned = camera_densities(&shapes, &left_out, &views)?;
         calibration.camera = Some(learned.calibration);
         camera = Some(learned.densities);
     }
@@ -260,7 +274,11 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
             ..class.model
         });
     }
+    // Upright objects of one kind need no word, so that older programs read such a model.
+    let components = camera.as_ref().map_or(Vec::new(), |camera| camera.components.clone());
+    let plain = components.iter().all(|component| component.is_upright() && component.size.is_none());
     let metadata = Metadata {
+        camera_components: if plain { Vec::new() } else { components },
         format_version: FORMAT_VERSION,
         beo_version: env!("CARGO_PKG_VERSION").into(),
         licence: options.licence.clone(),
@@ -303,7 +321,7 @@ mod tests {
             let dims = Dims::cube(side).unwrap();
             let object = |seed| furniture::make("chair", dims, seed).unwrap();
             let shapes = (0..6).map(|n| Shape { object: object(n), class: 0, file: n.to_string() }).collect();
-            let shapes = ShapeSet { classes: vec!["chair".into()], shapes };
+            let shapes = ShapeSet { classes: vec!["chair".into()], shapes, ..ShapeSet::default() };
             let mut answers = Vec::new();
             for poses in [true, false] {
                 let model = train(&shapes, &TrainOptions { poses, ..TrainOptions::default() }, &|_| {}).unwrap();

@@ -1,6 +1,7 @@
-//! Views of a camera at some elevation of objects that are turned about the vertical: a Gaussian of hull features for each class,
+//! Views of a camera at some elevation of objects that are turned about the vertical: a Gaussian of hull features for each component,
 //! elevation and yaw, and a regression of where the object lies on these features.
 
+use super::Component;
 use half::f16;
 use std::f64::consts::TAU;
 
@@ -13,11 +14,13 @@ pub const CELLS: usize = 15 * 15 * 15;
 /// box along its axes.
 pub const OFFSETS: usize = 8;
 
-/// Gaussians of the features z = Bᵀ · pooled hull in the view's frame: p features, m classes, `[elevation][yaw][class]`.
+/// Gaussians of the features z = Bᵀ · pooled hull in the view's frame: p features, m components, `[elevation][yaw][component]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraDensities {
     /// Elevations of the camera above the horizontal that were learned, radians, ascending.
     pub elevations: Vec<f64>,
+    /// What the classes are mixtures of.
+    pub components: Vec<Component>,
     /// Number of features, p.
     pub size: usize,
     /// B, one row of p values per cell.
@@ -35,9 +38,9 @@ pub struct CameraDensities {
 }
 
 impl CameraDensities {
-    /// Where an elevation, yaw and class stand among the Gaussians.
-    pub fn place(&self, elevation: usize, yaw: usize, class: usize, classes: usize) -> usize {
-        (elevation * YAWS + yaw) * classes + class
+    /// Where an elevation, yaw and component stand among the Gaussians, of `components`.
+    pub fn place(&self, elevation: usize, yaw: usize, component: usize, components: usize) -> usize {
+        (elevation * YAWS + yaw) * components + component
     }
 
     /// The angle of a step of yaw, radians.
@@ -66,6 +69,7 @@ mod tests {
     fn elevations_between_two_are_shared_by_them() {
         let densities = CameraDensities {
             elevations: vec![0.2, 0.6, 1.0],
+            components: vec![],
             size: 0,
             basis: vec![],
             means: vec![],

@@ -3,8 +3,8 @@
 use super::camera_density::CELLS;
 use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::{
-    Basis, CameraDensities, ClassModel, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model, OFFSETS,
-    Searched, ViewDensities, YAWS, levels_of, mapping,
+    Basis, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model,
+    OFFSETS, Searched, ViewDensities, YAWS, levels_of, mapping,
 };
 use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use crate::grid::{Dims, Pooling};
@@ -177,18 +177,18 @@ fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>
         tensors.push((name.clone(), Dtype::U8, vec![bytes.len()], bytes));
     }
     if let Some(cameras) = model.camera_densities() {
-        let (e, p) = (cameras.elevations.len(), cameras.size);
+        let (e, components, p) = (cameras.elevations.len(), cameras.components.len(), cameras.size);
         let halves: [(&str, Vec<usize>, &[f16]); 4] = [
             ("camera_basis", vec![cameras.basis.len() / p, p], &cameras.basis),
-            ("camera_mean", vec![e, YAWS, classes, p], &cameras.means),
-            ("camera_whitening", vec![e, YAWS, classes, packed(p)], &cameras.whitening),
-            ("camera_regression", vec![e, YAWS, classes, OFFSETS, p], &cameras.regression),
+            ("camera_mean", vec![e, YAWS, components, p], &cameras.means),
+            ("camera_whitening", vec![e, YAWS, components, packed(p)], &cameras.whitening),
+            ("camera_regression", vec![e, YAWS, components, OFFSETS, p], &cameras.regression),
         ];
         for (name, shape, values) in halves {
             tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
         }
         for (name, values) in [("camera_offset", &cameras.offsets), ("camera_deviation", &cameras.deviations)] {
-            tensors.push((name.into(), Dtype::F32, vec![e, YAWS, classes, OFFSETS], bytemuck::cast_slice(values)));
+            tensors.push((name.into(), Dtype::F32, vec![e, YAWS, components, OFFSETS], bytemuck::cast_slice(values)));
         }
     }
     for (name, shape, values) in &floats {
@@ -385,6 +385,7 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
                 && camera.spread.is_none_or(|spread| spread.place.iter().chain(&spread.extent).all(|v| *v > 0.0 && *v < 1e3)) => {}
         _ => return Err("its calibration does not fit its cameras".into()),
     }
+    check_components(metadata)?;
     if m > MOST_CLASSES {
         return Err(format!("it has {m} classes, more than the {MOST_CLASSES} that a percept can name"));
     }
@@ -399,6 +400,26 @@ fn check_metadata(metadata: &Metadata) -> Result<(), String> {
         return Err("its noise variance, noise inflation or degrees of freedom is not a positive number".into());
     }
     Ok(())
+}
+
+/// Components are of classes that there are, each class has one, and their numbers make sense.
+fn check_components(metadata: &Metadata) -> Result<(), String> {
+    let (components, m) = (&metadata.camera_components, metadata.classes.len());
+    if components.is_empty() {
+        return Ok(());
+    }
+    let sound = |component: &Component| {
+        let norm: f64 = component.resting_rotation.iter().map(|v| v * v).sum();
+        let sized = component.size.is_none_or(|size| size.log_density(size.mean.map(f64::exp), [0.0; 3]).is_finite());
+        component.class < m && component.probability > 0.0 && component.probability <= 1.0 && (norm - 1.0).abs() < 1e-6 && sized
+    };
+    if !components.iter().all(sound) || components.len() > MOST_COMPONENTS {
+        return Err("a component of what its cameras see is not sound".into());
+    }
+    match (0..m).find(|class| !components.iter().any(|component| component.class == *class)) {
+        Some(class) => Err(format!("class `{}` has no component of what cameras see", metadata.classes[class].name)),
+        None => Ok(()),
+    }
 }
 
 /// A mapped file whose header has been checked.
@@ -602,8 +623,13 @@ impl Opened {
         if size == 0 || size > CELLS {
             return Err(self.invalid(format!("tensor `camera_basis` has {size} columns where 1 to {CELLS} were expected")));
         }
-        let at = |rest: &[usize]| [&[elevations.len(), YAWS, metadata.classes.len()], rest].concat();
+        let components = match metadata.camera_components.is_empty() {
+            true => (0..metadata.classes.len()).map(Component::upright).collect(),
+            false => metadata.camera_components.clone(),
+        };
+        let at = |rest: &[usize]| [&[elevations.len(), YAWS, components.len()], rest].concat();
         let densities = CameraDensities {
+            components: components.clone(),
             elevations: elevations.iter().map(|e| e.to_radians()).collect(),
             size,
             basis: self.halves(tensors, "camera_basis", &[CELLS, size])?,

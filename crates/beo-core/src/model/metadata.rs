@@ -1,5 +1,6 @@
 //! Description of a model in its file: JSON in the safetensors header.
 
+use super::Component;
 use crate::grid::{Dims, View};
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +24,10 @@ pub struct Metadata {
     pub noise_variance: f64,
     /// Fitted on held-out objects.
     pub calibration: Calibration,
+    /// What the classes are mixtures of where cameras see them: kinds of true size, each in its resting poses; by class. Of models of
+    /// version 0.1.0 there are none, and all objects of a class stand upright.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub camera_components: Vec<Component>,
     /// How the model was trained.
     pub settings: Settings,
 }
@@ -121,12 +126,16 @@ pub struct Calibration {
     pub log_loss: f64,
 }
 
-/// How sure the densities of what cameras see may be: log P(s, r) = `pose_weight` · score over the yaw r, and
-/// log P(s) = `blend`.hull · F(s) + `blend`.offsets\[s\] + log prior + constant, F(s) = log Σ_r exp(`pose_weight` · score) / `pose_weight`.
+/// How sure the densities of what cameras see may be: log P(c, r) = `pose_weight` · score + log P(c | s) + `size_weight` · log size over
+/// the components c of class s and the yaw r, and log P(s) = `blend`.hull · F(s) + `blend`.offsets\[s\] + log prior + constant, where F(s)
+/// is the logarithm of the sum of the former, divided by `pose_weight`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraCalibration {
     /// Factor on the log density, for the yaw.
     pub pose_weight: f64,
+    /// Factor on the log density of true sizes, if they were learned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_weight: Option<f64>,
     /// Factor and offsets for the class.
     pub blend: Blend,
     /// F and the log evidence of the class as it lies best, relative to the background, weighed together; none where the grids were too

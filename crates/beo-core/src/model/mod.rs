@@ -5,6 +5,7 @@
 
 mod basis;
 mod camera_density;
+mod component;
 mod file;
 mod first_touch;
 mod footprint;
@@ -14,6 +15,7 @@ mod view_density;
 
 pub use basis::Basis;
 pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, OFFSETS, YAWS};
+pub use component::{Component, SizeDensity};
 pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
 pub use first_touch::Damaged;
 pub use footprint::Footprint;
@@ -139,6 +141,11 @@ impl Model {
             Searched::Here { views, .. } => Some(views),
             Searched::OnLevels { .. } | Searched::KnownPoseOnly { .. } => None,
         }
+    }
+
+    /// Whether cameras can be asked for objects that rest otherwise than upright.
+    pub fn has_resting_poses(&self) -> bool {
+        self.camera_densities().is_some_and(|cameras| cameras.components.iter().any(|component| !component.is_upright()))
     }
 
     /// Densities of what cameras see, of a model whose own grid is searched and that was learned with them.

@@ -56,6 +56,11 @@ pub struct Query {
     pub camera: Option<Vector3<f64>>,
     /// Knowledge of the object's size and place.
     pub scale: ScaleSearch,
+    /// Before a turn about z, the object may rest in any of the poses that the model knows of its class; else it stands upright. Of what a
+    /// camera sees.
+    pub lying: bool,
+    /// Edge of a voxel of the observation, metres, if it is known: true sizes then count.
+    pub voxel_size_m: Option<f64>,
     /// log P(s) per class, up to a constant; empty for a uniform prior. Classes with −∞ are left out.
     pub log_prior: Vec<f64>,
     /// Whether the hidden part is asked for.

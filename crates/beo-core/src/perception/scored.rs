@@ -26,6 +26,8 @@ pub(crate) struct Scored {
     pub samples: Vec<Sample>,
     /// How the object of the most probable class lies, if size and place were refined.
     pub placement: Option<(Placed, ObjectBox)>,
+    /// Its component among those of the model, if resting poses were searched.
+    pub resting_pose: Option<usize>,
 }
 
 impl Scored {
@@ -38,13 +40,14 @@ impl Scored {
         self.log_evidence.resize(classes, 0.0);
         self.samples.clear();
         self.placement = None;
+        self.resting_pose = None;
     }
 }
 
 /// Decides: writes the most probable class, the modes of the posterior over class and pose, and how the object lies.
 pub(super) fn decide(query: &Query, scored: &Scored, modes: &mut Modes, percept: &mut Percept) {
     percept.informed = scored.informed;
-    (percept.none_probability, percept.fit, percept.resting_pose) = (None, None, None);
+    (percept.none_probability, percept.fit, percept.resting_pose) = (None, None, scored.resting_pose);
     percept.scores.clear();
     // A class that was left out has no score: zero, not minus infinity.
     percept.scores.extend(scored.scores.iter().map(|score| if score.is_finite() { *score } else { 0.0 }));

@@ -4,7 +4,7 @@
 //! sizes, places and angles about that, coarse to fine (`camera::refinement`). Without such densities, or by another method, the evidence
 //! scores all steps of yaw at the size that what is visible suggests.
 
-use super::{CameraScores, Cell, KnownPlacement, Placement, Refined, SEEN, ViewFrame, ViewWork, refine, wrapped};
+use super::{CameraScores, Cell, KnownPlacement, Placement, Refined, SEEN, ViewFrame, ViewWork, refine};
 use crate::grid::{Observation, Outside, Placed, Rotation, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;
@@ -66,7 +66,7 @@ impl ModeRefiner<'_> {
     pub fn refine(&self, seen: &Observation, cell: &Cell, scratch: &mut EvidenceScratch) -> Result<Mode, PerceiveError> {
         let start = start(cell, self.told);
         let refined = refine(&start, |at| {
-            let placed = self.frame.placed(at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
+            let placed = cell.placed(self.frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
             let found = self.evidence.of_placed(seen, &placed, self.outside, cell.class, scratch)?;
             Ok::<_, PerceiveError>(self.weight * found.log_ratio)
         })?;
@@ -92,13 +92,13 @@ impl Sureness<'_> {
 /// Log density over the yaw of a class: of the view, and the prior's.
 pub struct PoseDensity<'a> {
     weight: f64,
-    /// At a yaw in the view's frame, radians.
-    log_prior: &'a dyn Fn(f64) -> f64,
+    /// At a yaw in the view's frame, radians, of what rests so.
+    log_prior: &'a dyn Fn(f64, &Rotation) -> f64,
 }
 
 impl PoseDensity<'_> {
     fn of(&self, cell: &Cell) -> f64 {
-        self.weight * cell.score + (self.log_prior)(cell.yaw())
+        cell.log_weight(self.weight) + (self.log_prior)(cell.yaw(), &cell.resting)
     }
 }
 
@@ -143,9 +143,9 @@ impl CameraSearch<'_> {
         };
         out.samples.extend(scratch.view.cells.iter().filter_map(|cell| {
             let angle = (frame.azimuth + cell.yaw()).rem_euclid(TAU);
-            let rotation = if query.pose == PoseSearch::Known { Rotation::identity() } else { yaw(angle) };
+            let rotation = if query.pose == PoseSearch::Known { Rotation::identity() } else { yaw(angle) * cell.resting };
             let allowed = query.pose == PoseSearch::Known || span > TAU - 1e-9 || angle < span;
-            let log_density = sure.pose_weight * cell.score + prior(&rotation);
+            let log_density = cell.log_weight(sure.pose_weight) + prior(&rotation);
             allowed.then_some(Sample { rotation, class: cell.class, log_density, share: 1.0 / YAWS as f64 })
         }));
         for class in 0..self.wanted.len() {
@@ -155,16 +155,18 @@ impl CameraSearch<'_> {
             out.posterior.push(sure.blend.log_posterior(class, sure.of_class(score), query.log_prior(class)));
         }
         softmax(&mut out.posterior);
-        let log_prior = |angle: f64| match query.pose {
+        let log_prior = |angle: f64, resting: &Rotation| match query.pose {
             PoseSearch::Known => 0.0,
-            _ => prior(&yaw(frame.azimuth + angle)),
+            _ => prior(&(yaw(frame.azimuth + angle) * resting)),
         };
         let poses = PoseDensity { weight: sure.pose_weight, log_prior: &log_prior };
         self.refine_modes(seen, &frame, &told, &poses, scratch, &out.posterior)?;
         self.weigh_evidence(scratch, out);
         clock.classified();
         let class = most_probable(&out.posterior);
-        out.placement = scratch.modes.iter().find(|mode| mode.cell.class == class).map(|mode| self.placement(&frame, mode));
+        let answered = scratch.modes.iter().find(|mode| mode.cell.class == class);
+        out.placement = answered.map(|mode| self.placement(&frame, mode));
+        out.resting_pose = answered.filter(|_| !told.upright).map(|mode| mode.cell.component);
         Ok(())
     }
 
@@ -172,11 +174,12 @@ impl CameraSearch<'_> {
     fn told(&self, frame: &ViewFrame) -> KnownPlacement {
         let (_, scale, place) = frame.seen(&Placed::default());
         let yaw = (self.query.pose == PoseSearch::Known).then_some(-frame.azimuth);
+        let upright = !self.query.lying || yaw.is_some();
         match self.query.scale {
-            ScaleSearch::Known => KnownPlacement { yaw, scale: Some(scale), place: Some(place) },
+            ScaleSearch::Known => KnownPlacement { upright, yaw, scale: Some(scale), place: Some(place) },
             ScaleSearch::Search { side } => {
                 let longest = self.longest_side as f64;
-                KnownPlacement { yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
+                KnownPlacement { upright, yaw, scale: side.map(|side| side / (longest * frame.unit)), place: None }
             }
         }
     }
@@ -191,6 +194,12 @@ impl CameraSearch<'_> {
     ) -> Result<Sureness<'_>, PerceiveError> {
         if let (Some((scores, calibration)), Method::Auto | Method::Hull, Some(_)) = (self.cameras, self.query.method, self.query.camera) {
             scores.score(frame, seen, told, self.wanted, &mut scratch.view);
+            if let (Some(weight), Some(voxel_m)) = (calibration.size_weight, self.query.voxel_size_m) {
+                for cell in &mut scratch.view.cells {
+                    let size = scores.components()[cell.component].size;
+                    cell.log_prior += size.map_or(0.0, |size| weight * cell.log_size(&size, voxel_m * frame.unit));
+                }
+            }
             return Ok(Sureness { pose_weight: calibration.pose_weight, blend: &calibration.blend, by_density: true });
         }
         let blend = self.evidence_blend;
@@ -204,7 +213,10 @@ impl CameraSearch<'_> {
             let step = (angle.rem_euclid(TAU) / TAU * YAWS as f64).round() as usize % YAWS;
             let mut offsets = expected;
             offsets[0] = angle - CameraDensities::yaw(step);
-            cells.extend(classes().map(|class| Cell { class, step, score: 0.0, offsets, deviations: CAMERA.unsure }));
+            let resting = Rotation::identity();
+            let cell =
+                |class| Cell { class, component: class, resting, log_prior: 0.0, step, score: 0.0, offsets, deviations: CAMERA.unsure };
+            cells.extend(classes().map(cell));
         }
         cells.par_chunks_mut(classes().count().max(1)).zip(&angles[..count]).try_for_each(|(cells, angle)| {
             pool.with(
@@ -267,7 +279,7 @@ impl CameraSearch<'_> {
         let CameraScratch { view, evidence: pool, order, merging, likely, starts, refined, modes, .. } = scratch;
         // Where all is told there is nothing to refine, and a class costs no more than its evidence.
         let (least, most) = match told {
-            KnownPlacement { yaw: Some(_), scale: Some(_), place: Some(_) } => (CAMERA.least_likely_of_known, posterior.len()),
+            KnownPlacement { yaw: Some(_), scale: Some(_), place: Some(_), .. } => (CAMERA.least_likely_of_known, posterior.len()),
             _ => (CAMERA.least_likely, CAMERA.most_likely),
         };
         likely.clear();
@@ -290,7 +302,10 @@ impl CameraSearch<'_> {
             *refined = Some(mode);
             Ok::<_, PerceiveError>(())
         })?;
-        let value = |mode: &Mode| mode.refined.value + poses.weight * mode.cell.score + (poses.log_prior)(mode.refined.parameters[0]);
+        let value = |mode: &Mode| {
+            let prior = (poses.log_prior)(mode.refined.parameters[0], &mode.cell.resting);
+            mode.refined.value + mode.cell.log_weight(poses.weight) + prior
+        };
         modes.clear();
         modes.extend(likely.iter().filter_map(|class| {
             let of_class = refined.iter().flatten().filter(|mode| mode.cell.class == *class);
@@ -303,7 +318,7 @@ impl CameraSearch<'_> {
     fn placement(&self, frame: &ViewFrame, mode: &Mode) -> (Placed, ObjectBox) {
         let Mode { cell, refined: best, .. } = mode;
         let [angle, log_scale, x, y, z] = best.parameters;
-        let found = frame.placed(angle, log_scale.exp(), &Vector3::new(x, y, z));
+        let found = cell.placed(frame, angle, log_scale.exp(), &Vector3::new(x, y, z));
         let rotation = if self.query.pose == PoseSearch::Known { Rotation::identity() } else { found.rotation };
         let placed = match self.query.scale {
             ScaleSearch::Known => Placed::turned(rotation),
@@ -342,9 +357,11 @@ fn best_cells(
     order.clear();
     order.extend((0..cells.len()).filter(|i| cells[*i].class == class && cells[*i].score.is_finite()));
     let value = |i: usize| poses.of(&cells[i]);
-    order.sort_unstable_by(|a, b| value(*b).total_cmp(&value(*a)).then(cells[*a].step.cmp(&cells[*b].step)));
+    let place = |i: usize| (cells[i].component, cells[i].step);
+    order.sort_unstable_by(|a, b| value(*b).total_cmp(&value(*a)).then(place(*a).cmp(&place(*b))));
     merging.start(order.len());
-    let near = |a: usize, b: usize| wrapped(cells[order[a]].yaw() - cells[order[b]].yaw()).abs() <= 2.0 * MODE_RADIUS;
+    let turned = |i: usize| yaw(cells[order[i]].yaw()) * cells[order[i]].resting;
+    let near = |a: usize, b: usize| turned(a).angle_to(&turned(b)) <= 2.0 * MODE_RADIUS;
     for _ in 0..most {
         let Some(place) = merging.next(near, |_| ()) else { break };
         if value(order[0]) - value(order[place]) > CAMERA.hopeless_nats {
@@ -490,12 +507,21 @@ mod tests {
 
     #[test]
     fn what_is_told_is_not_searched() {
-        let cell = Cell { class: 0, step: 6, score: 0.0, offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0], deviations: [0.5; OFFSETS] };
+        let cell = Cell {
+            class: 0,
+            component: 0,
+            resting: Rotation::identity(),
+            log_prior: 0.0,
+            step: 6,
+            score: 0.0,
+            offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0],
+            deviations: [0.5; OFFSETS],
+        };
         let free = start(&cell, &KnownPlacement::default());
         assert!((free.expected[0] - (CameraDensities::yaw(6) + 0.1)).abs() < 1e-12);
         let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
         assert!(same(&free.expected[1..], &[-0.2, 1.0, 2.0, 3.0]) && free.deviations == [0.5; 5]);
-        let told = KnownPlacement { yaw: Some(1.0), scale: Some(1.0), place: None };
+        let told = KnownPlacement { yaw: Some(1.0), scale: Some(1.0), ..KnownPlacement::default() };
         let some = start(&cell, &told);
         assert_eq!((some.expected, some.deviations), ([1.0, 0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.5, 0.5, 0.5]));
     }

@@ -13,5 +13,5 @@ mod scores;
 mod view_frame;
 
 pub(crate) use refinement::{Placement, Refined, refine};
-pub(crate) use scores::{CameraFeatures, CameraScores, Cell, KnownPlacement, Shadow, ViewWork, wrapped};
+pub(crate) use scores::{CameraFeatures, CameraScores, Cell, KnownPlacement, Shadow, ViewWork};
 pub(crate) use view_frame::{CELLS, SEEN, ShadowImage, ViewFrame};

@@ -3,10 +3,13 @@
 //! Features z of the shadow in the view's frame have a Gaussian for each class, step of yaw and learned elevation; how exactly the object lies (the
 //! offsets δ) has a Gaussian given z. What is told of the pose, the size or the place is scored as an observation of δ:
 //! log p(z, δ) = log N(z) + log N(δ | z). As z is the same data for all of them, this is a likelihood over class, yaw, size and place.
+//!
+//! A class is a mixture of components (kinds of size in resting poses), each with densities of its own. Where lengths are metric, the log
+//! density of a component's true size at the lengths that a cell expects is a further term.
 
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
-use crate::grid::Observation;
-use crate::model::{CameraDensities, OFFSETS, YAWS};
+use crate::grid::{Observation, Placed, Rotation};
+use crate::model::{CameraDensities, Component, OFFSETS, SizeDensity, YAWS};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::densities::packed::PackedGaussian;
 use crate::perception::kernels::lanes::dot;
@@ -22,6 +25,8 @@ const REACH: f64 = 1.5;
 /// Yaw, size and place as far as they are known, in the view's frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct KnownPlacement {
+    /// The object stands as it does canonically.
+    pub upright: bool,
     /// The object's yaw, radians.
     pub yaw: Option<f64>,
     /// Units per voxel of the canonical grid.
@@ -30,11 +35,17 @@ pub struct KnownPlacement {
     pub place: Option<Vector3<f64>>,
 }
 
-/// One class at one step of yaw.
+/// One component of a class at one step of yaw.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
     /// The class.
     pub class: usize,
+    /// The component.
+    pub component: usize,
+    /// How it rests: object axes to axes with z up.
+    pub resting: Rotation,
+    /// Log probability of the component in its class, and what the true size adds to it.
+    pub log_prior: f64,
     /// The step of yaw.
     pub step: usize,
     /// Log density, up to a constant.
@@ -54,6 +65,24 @@ impl Cell {
     /// The expected scale: units per voxel of the canonical grid.
     pub fn scale(&self) -> f64 {
         self.offsets[1].exp()
+    }
+
+    /// How an object of this component lies in a grid when turned by `angle` in the view's frame: see [`ViewFrame::placed`].
+    pub fn placed(&self, frame: &ViewFrame, angle: f64, scale: f64, place: &Vector3<f64>) -> Placed {
+        let upright = frame.placed(angle, scale, place);
+        Placed { rotation: upright.rotation * self.resting, ..upright }
+    }
+
+    /// Log weight in the posterior over class and pose, up to a constant: `pose_weight` times the score, and the prior.
+    pub fn log_weight(&self, pose_weight: f64) -> f64 {
+        pose_weight * self.score + self.log_prior
+    }
+
+    /// Log density of a true size at the lengths that are expected; a unit measures `unit_m` metres.
+    pub fn log_size(&self, size: &SizeDensity, unit_m: f64) -> f64 {
+        let units: [f64; 3] = std::array::from_fn(|axis| self.offsets[OFFSETS - 3 + axis].max(0.1));
+        let relative = std::array::from_fn(|axis| (self.deviations[OFFSETS - 3 + axis] / units[axis]).min(1.0));
+        size.log_density(units.map(|length| length * unit_m), relative)
     }
 
     /// The expected place of the canonical grid's centre, units.
@@ -124,6 +153,11 @@ impl CameraScores {
         Self { features: CameraFeatures::new(&densities.basis, densities.size), densities }
     }
 
+    /// What the classes are mixtures of.
+    pub fn components(&self) -> &[Component] {
+        &self.densities.components
+    }
+
     /// Bytes that [`Self::new`] takes for `size` features.
     pub fn bytes(size: usize) -> usize {
         4 * CELLS * size
@@ -133,7 +167,7 @@ impl CameraScores {
     pub fn score(&self, frame: &ViewFrame, observation: &Observation, told: &KnownPlacement, wanted: &[bool], work: &mut ViewWork) {
         let ViewWork { shadow, features, gaussian, centred, regression, cells, .. } = work;
         self.features.of(frame, observation, shadow, features);
-        let (densities, p, m) = (&self.densities, self.densities.size, wanted.len());
+        let (densities, p, m) = (&self.densities, self.densities.size, self.densities.components.len());
         let triangle = p * (p + 1) / 2;
         centred.resize(p, 0.0);
         regression.resize(OFFSETS * p, 0.0);
@@ -144,10 +178,20 @@ impl CameraScores {
             if rest.is_some_and(|rest| rest.abs() > REACH * TAU / YAWS as f64) {
                 continue;
             }
-            for class in (0..m).filter(|class| wanted[*class]) {
-                let mut cell = Cell { class, step, score: f64::NEG_INFINITY, offsets: [0.0; OFFSETS], deviations: [0.0; OFFSETS] };
+            let is_wanted = |component: &Component| wanted[component.class] && (!told.upright || component.is_upright());
+            for (component, of) in densities.components.iter().enumerate().filter(|(_, of)| is_wanted(of)) {
+                let mut cell = Cell {
+                    class: of.class,
+                    component,
+                    resting: of.rotation(),
+                    log_prior: of.probability.ln(),
+                    step,
+                    score: f64::NEG_INFINITY,
+                    offsets: [0.0; OFFSETS],
+                    deviations: [0.0; OFFSETS],
+                };
                 for (elevation, share) in elevations.into_iter().filter(|(_, share)| *share > 0.0) {
-                    let place = densities.place(elevation, step, class, m);
+                    let place = densities.place(elevation, step, component, m);
                     gaussian.load(&densities.means[place * p..][..p], &densities.whitening[place * triangle..][..triangle]);
                     densities.regression[place * OFFSETS * p..][..OFFSETS * p].convert_to_f32_slice(regression);
                     gaussian.centre(features, centred);
@@ -261,7 +305,7 @@ mod tests {
         let mut shadow = Vec::new();
         frame.shadow(&observation, &mut ShadowImage::default(), &mut shadow);
         let (_, scale, place) = frame.seen(&crate::grid::Placed { rotation: yaw(0.2), ..crate::grid::Placed::default() });
-        let all = KnownPlacement { yaw: Some(1.4), scale: Some(scale), place: Some(place) };
+        let all = KnownPlacement { upright: false, yaw: Some(1.4), scale: Some(scale), place: Some(place) };
         for told in [KnownPlacement::default(), KnownPlacement { scale: Some(scale), ..KnownPlacement::default() }, all] {
             let mut work = ViewWork::default();
             scores.score(&frame, &observation, &told, &vec![true; m], &mut work);
@@ -283,7 +327,16 @@ mod tests {
     /// N(0, 1) and N(4, 1) alike: mean 2, variance 1 + 4. The mean of the deviations would be 1.
     #[test]
     fn a_mixture_is_as_wide_as_its_parts_and_what_lies_between_them() {
-        let mut cell = Cell { class: 0, step: 0, score: f64::NEG_INFINITY, offsets: [0.0; OFFSETS], deviations: [0.0; OFFSETS] };
+        let mut cell = Cell {
+            class: 0,
+            component: 0,
+            resting: Rotation::identity(),
+            log_prior: 0.0,
+            step: 0,
+            score: f64::NEG_INFINITY,
+            offsets: [0.0; OFFSETS],
+            deviations: [0.0; OFFSETS],
+        };
         cell.add(0.5_f64.ln(), &[0.0; OFFSETS], &[1.0; OFFSETS]);
         cell.add(0.5_f64.ln(), &[4.0; OFFSETS], &[1.0; OFFSETS]);
         assert!(cell.score.abs() < 1e-12 && (cell.offsets[3] - 2.0).abs() < 1e-12);

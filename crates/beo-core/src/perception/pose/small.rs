@@ -36,6 +36,7 @@ fn learn(camera_elevations_deg: Vec<f64>) -> Perceiver {
     let shapes = ShapeSet {
         classes: CLASSES.map(String::from).to_vec(),
         shapes: (0..CLASSES.len()).flat_map(|class| (0..SHAPES).map(move |seed| make(class, seed))).collect(),
+        ..ShapeSet::default()
     };
     let longest_side = crate::grid::longest_side(dims());
     let options = TrainOptions { basis_range: [5, 20], camera_elevations_deg, longest_side, ..TrainOptions::default() };

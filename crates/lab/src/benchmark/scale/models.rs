@@ -53,6 +53,7 @@ impl Recipe {
         ShapeSet {
             classes: (0..self.classes).map(|class| format!("class-{class:02}")).collect(),
             shapes: (0..self.classes * count).into_par_iter().map(make).collect(),
+            ..ShapeSet::default()
         }
     }
 

@@ -264,7 +264,7 @@ mod tests {
             Occupancy::from_fn(dims, |i, j, k| (9 - x..9).contains(&i) && (2..2 + y).contains(&j) && (1..1 + z).contains(&k))
         };
         let shapes = (0..12).map(|n| Shape { object: object(n), class: 0, file: format!("box/{n}") }).collect();
-        ShapeSet { classes: vec!["box".into()], shapes }
+        ShapeSet { classes: vec!["box".into()], shapes, ..ShapeSet::default() }
     }
 
     #[test]

@@ -1,0 +1,208 @@
+//! Views of training shapes as cameras on tables have them: the components of each class, and shapes seen at rest.
+
+use super::resting::{Resting, resting_poses};
+use super::sizes::kinds;
+use crate::grid::{Dims, Observation, Occupancy, Placed, Rotation, Turn, yaw};
+use crate::model::{Component, OFFSETS};
+use crate::perception::camera::ViewFrame;
+use crate::simulation::{Eye, Sensing, View};
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// Most voxels of grids that are carved for training; of bigger shapes the grids are smaller, and the evidence is not weighed.
+const MOST_VOXELS: usize = 64 * 64 * 64;
+/// The grid's box reaches down to a known table over this share of its height, as that of a producer does.
+const CONTACT_SHARE: f64 = 0.3;
+
+/// Fewest readings of an object under real conditions: with fewer a producer has no grid for it.
+const LEAST_READINGS: usize = 30;
+/// Shapes that overlap by more when turned by an eighth about the vertical look the same from all sides.
+const ROUND: f64 = 0.88;
+/// Shapes that are looked at for that.
+const LOOKED_AT: usize = 8;
+
+/// The shapes of a class: complete, and their true lengths along the canonical axes, metres, where they are known.
+pub struct ClassShapes<'a> {
+    /// The shapes.
+    pub objects: &'a [&'a Occupancy],
+    /// Lengths of each; none where units are not known.
+    pub lengths_m: Option<&'a [[f64; 3]]>,
+}
+
+/// A shape as it rests.
+pub struct AtRest {
+    /// Its place among the shapes of its class.
+    pub shape: usize,
+    /// Turned so that it rests on a horizontal plane.
+    turned: Occupancy,
+    /// The rotation that did that.
+    rotation: Rotation,
+    /// Longest side, metres, if it is known.
+    side_m: Option<f64>,
+    /// Lengths of the box about the shape along its canonical axes, voxels.
+    lengths: [f64; 3],
+}
+
+/// A component and the shapes that are of it.
+pub struct Part {
+    /// What the model keeps of it.
+    pub component: Component,
+    /// Its shapes.
+    pub shapes: Vec<AtRest>,
+    /// They look the same from all sides.
+    pub is_round: bool,
+}
+
+/// The components of all classes, in the order of the classes. `lying`: whether resting poses are looked for; else all stand upright.
+pub fn parts(classes: &[ClassShapes<'_>], lying: bool) -> Vec<Part> {
+    classes.iter().enumerate().flat_map(|(class, shapes)| parts_of(class, shapes, lying)).collect()
+}
+
+fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
+    let count = shapes.objects.len();
+    let (kinds, of) = match shapes.lengths_m {
+        Some(lengths) => {
+            let found = kinds(lengths);
+            (found.kinds.into_iter().map(|(share, density)| (share, Some(density))).collect(), found.of)
+        }
+        None => (vec![(1.0, None)], vec![0; count]),
+    };
+    let mut parts = Vec::new();
+    for (kind, (share, size)) in kinds.into_iter().enumerate() {
+        let members: Vec<usize> = (0..count).filter(|shape| of[*shape] == kind).collect();
+        let objects: Vec<&Occupancy> = members.iter().map(|shape| shapes.objects[*shape]).collect();
+        let poses = match lying {
+            true => resting_poses(&objects),
+            false => {
+                vec![Resting { rotation: Rotation::identity(), probability: 1.0, of: vec![Some(Rotation::identity()); objects.len()] }]
+            }
+        };
+        for pose in poses {
+            let at_rest = |(n, rotation): (usize, &Option<Rotation>)| -> Option<AtRest> {
+                let (object, rotation) = (objects[n], (*rotation)?);
+                let turned = if rotation.angle() < 1e-9 { object.clone() } else { Turn::new(object.dims(), &rotation).occupancy(object) };
+                let [low, high] = object.bounds()?;
+                let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64);
+                let side_m = shapes.lengths_m.map(|lengths| lengths[members[n]].into_iter().fold(0.0, f64::max));
+                (turned.count() > 0).then_some(AtRest { shape: members[n], turned, rotation, side_m, lengths })
+            };
+            let shapes: Vec<AtRest> = pose.of.par_iter().enumerate().filter_map(at_rest).collect();
+            let component =
+                Component { class, probability: share * pose.probability, resting_rotation: crate::grid::to_xyzw(&pose.rotation), size };
+            // Upright shapes of no known size are seen at every step of yaw.
+            let is_round = (lying || size.is_some()) && are_round(&shapes);
+            parts.push(Part { component, shapes, is_round });
+        }
+    }
+    parts
+}
+
+/// Whether shapes at rest look the same from all sides.
+fn are_round(shapes: &[AtRest]) -> bool {
+    let step = shapes.len().div_ceil(LOOKED_AT).max(1);
+    let overlap = |shape: &AtRest| {
+        let turned = Turn::new(shape.turned.dims(), &yaw(TAU / 8.0)).occupancy(&shape.turned);
+        let both = shape.turned.overlap(&turned) as f64;
+        both / (shape.turned.count() as f64 + turned.count() as f64 - both).max(1.0)
+    };
+    let overlaps: Vec<f64> = shapes.iter().step_by(step).map(overlap).collect();
+    overlaps.iter().sum::<f64>() > ROUND * overlaps.len().max(1) as f64
+}
+
+/// Whether every class is one upright component without a size.
+pub fn are_plain(parts: &[Part]) -> bool {
+    parts.iter().all(|part| part.component.is_upright() && part.component.size.is_none())
+}
+
+/// Random numbers for one view.
+pub fn stream(seed: u64, group: u64, view: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6361_6d65_7261);
+    rng.set_stream((group << 40) ^ view);
+    rng
+}
+
+/// A view of a shape, and how the shape lies in it.
+pub struct Sample {
+    /// Where the camera was, in voxels from the grid's centre.
+    pub camera: Vector3<f64>,
+    /// The view's frame.
+    pub frame: ViewFrame,
+    /// What is seen.
+    pub observation: Observation,
+    /// How the shape's canonical grid truly lies.
+    pub placed: Placed,
+    /// Edge of a voxel of the observation, metres, if the shape's size is known.
+    pub voxel_m: Option<f64>,
+    /// Lengths of the box about the shape along its canonical axes, voxels of its own grid.
+    pub lengths: [f64; 3],
+}
+
+impl AtRest {
+    /// Sees the shape turned by `turned` radians relative to the direction of looking, from an elevation; `None` if too little is seen.
+    pub fn see(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
+        let object = &self.turned;
+        let [low, high] = object.bounds()?;
+        let size = (0..3).map(|a| high[a] - low[a]).max()? as f64;
+        let (sides, conditions) = sensing.draw(self.side_m, rng);
+        // The camera looks along +x of the frame; in the object's frame that direction is turned back.
+        let eye = Eye { azimuth: PI - turned, elevation, distance: size * sides };
+        let view = View::new(object, &eye, &conditions, rng)?;
+        // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
+        let axes = yaw(-turned);
+        let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
+        if sensing != Sensing::Mild && points.len() < LEAST_READINGS {
+            return None;
+        }
+        let first = points.first()?;
+        let (mut low, high) = points.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+        if let Some(table) = view.table_height().filter(|table| low.z - table < CONTACT_SHARE * (high.z - low.z)) {
+            low.z = table.min(high.z);
+        }
+        let dims = if object.dims().voxels() <= MOST_VOXELS { object.dims() } else { Dims::cube(30).ok()? };
+        let shortest = dims.x().min(dims.y()).min(dims.z()) as f64;
+        let edge = ((high - low).max() / (beo_camera::Placement::default().share * shortest)).max(1e-3);
+        let centre = axes * ((low + high) / 2.0);
+        let (mut bytes, mut observation) = (Vec::new(), Observation::unknown(dims));
+        view.carve(dims, &axes, &centre, edge, &mut bytes, &mut observation);
+        let grid_from_object = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
+        let rotation = yaw(turned) * self.rotation;
+        let placed = Placed { rotation, scale: 1.0 / edge, shift: grid_from_object(Vector3::zeros()) };
+        let camera = grid_from_object(eye.position());
+        let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
+        let longest = self.lengths.into_iter().fold(0.0, f64::max);
+        let voxel_m = self.side_m.map(|side| side / longest * edge);
+        Some(Sample { camera, frame, observation, placed, voxel_m, lengths: self.lengths })
+    }
+}
+
+impl Sample {
+    /// The yaw in the view's frame, of an object whose component rests by `resting`.
+    pub fn yaw(&self, resting: &Rotation) -> f64 {
+        let (rotation, ..) = self.frame.seen(&self.placed);
+        crate::grid::yaw_of(&(rotation * resting.inverse()))
+    }
+
+    /// The offsets from a step of yaw.
+    pub fn offsets(&self, resting: &Rotation, step: f64) -> [f64; OFFSETS] {
+        let (_, scale, place) = self.frame.seen(&self.placed);
+        let length = |axis: usize| self.lengths[axis] * scale;
+        [wrapped(self.yaw(resting) - step), scale.ln(), place.x, place.y, place.z, length(0), length(1), length(2)]
+    }
+
+    /// Metres per unit of the view's frame, if they are known.
+    pub fn unit_m(&self) -> Option<f64> {
+        self.voxel_m.map(|voxel| voxel * self.frame.unit)
+    }
+}
+
+fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+/// Uniform in ±`half`.
+pub fn around(half: f64, rng: &mut ChaCha8Rng) -> f64 {
+    half * rng.random_range(-1.0..1.0)
+}
