@@ -114,9 +114,11 @@ impl Answerer {
         percept.class_index = answer.class as u32;
         percept.method = method_code(query.method).code();
         percept.tasks = tasks::CLASS | tasks::POSE;
-        for s in 0..classes {
-            percept.posterior[s] = filtered[s] as f32;
-            percept.log_score[s] = answer.scores.get(s).copied().unwrap_or(0.0) as f32;
+        for (field, probability) in percept.posterior.iter_mut().zip(filtered.iter()) {
+            *field = *probability as f32;
+        }
+        for (field, score) in percept.log_score.iter_mut().zip(&answer.scores) {
+            *field = *score as f32;
         }
         percept.hypothesis_count = answer.hypotheses.len().min(percept.hypotheses.len()) as u32;
         for (field, h) in percept.hypotheses.iter_mut().zip(&answer.hypotheses) {

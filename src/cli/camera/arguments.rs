@@ -194,7 +194,7 @@ impl Camera {
         if !(self.near >= 0.0 && self.near.is_finite()) {
             return Err(Failure::Usage(format!("--near {}: use metres from 0", self.near)));
         }
-        if let Some(far) = self.far.filter(|far| !(*far > self.near)) {
+        if let Some(far) = self.far.filter(|far| far.is_nan() || *far <= self.near) {
             return Err(Failure::Usage(format!("--far {far}: use metres above --near, which is {}", self.near)));
         }
         if let Some(value) = self.no_reading.iter().find(|value| !value.is_finite()) {
