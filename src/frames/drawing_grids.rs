@@ -242,7 +242,7 @@ mod tests {
             let p = centre + axes * Vector3::new(sign(0), sign(1), sign(2));
             let (u, v) = ((150.0 * p.x / p.z + 79.5).round(), (150.0 * p.y / p.z + 59.5).round());
             // The caption may lie over upper ones.
-            if v > 59.5 && u >= 0.0 && u < 160.0 && v < 120.0 {
+            if v > 59.5 && (0.0..160.0).contains(&u) && v < 120.0 {
                 seen += 1;
                 assert_eq!(image.pixel(u as usize, v as usize), own.rgb, "corner {signs} at {u}, {v}");
             }

@@ -677,7 +677,9 @@ mod tests {
     #[test]
     fn folders_of_shapenet_and_ycb_are_taken_as_they_are() {
         let folder = tempfile::tempdir().unwrap();
-        let tall = "v 0 0 0\nv 6 0 0\nv 0 9 0\nv 0 0 4\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+        // A cuboid of 8 × 12 × 3: of the 6 voxels of the longest side, 4 × 6 × 2.
+        let tall = "v 0 0 0\nv 8 0 0\nv 8 12 0\nv 0 12 0\nv 0 0 3\nv 8 0 3\nv 8 12 3\nv 0 12 3\n\
+                    f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
         let write = |relative: &str| {
             let path = folder.path().join(relative);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -701,7 +703,7 @@ mod tests {
         let loaded = load(&library, &LoadOptions { minimum: 0, ..options(false, 0) }, |_| {}).unwrap();
         let [low, high] = loaded.set.shapes[0].object.bounds().unwrap();
         let extent = [0, 1, 2].map(|axis| high[axis] - low[axis]);
-        assert!(extent[2] > extent[0] && extent[0] > extent[1], "{extent:?}");
+        assert_eq!(extent, [4, 2, 6]);
         // One synset is one class.
         let (found, library) = names(&folder.path().join("shapenet/02691156"));
         assert_eq!((library.classes.as_slice(), found.len()), (&["02691156".to_owned()][..], 2));

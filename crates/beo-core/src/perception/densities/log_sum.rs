@@ -30,7 +30,7 @@ mod tests {
     fn sums_of_exponentials_neither_overflow_nor_vanish() {
         // scipy.special.logsumexp([1000, 1001, -inf])
         let found = log_sum_exp([1000.0, 1001.0, f64::NEG_INFINITY].into_iter());
-        assert!((found - 1001.313_261_687_518_2).abs() < 1e-10, "{found}");
+        assert!((found - 1_001.313_261_687_518_2).abs() < 1e-10, "{found}");
         assert_eq!(log_sum_exp([f64::NEG_INFINITY].into_iter()), f64::NEG_INFINITY);
         assert_eq!(log_sum_exp(std::iter::empty()), f64::NEG_INFINITY);
     }
