@@ -16,6 +16,7 @@
 //! let shapes = ShapeSet {
 //!     classes: classes.map(String::from).to_vec(),
 //!     shapes: (0..2).flat_map(|class| (0..12).map(move |seed| shape(class, seed))).collect(),
+//!     ..ShapeSet::default()
 //! };
 //! let model = train(&shapes, &TrainOptions { poses: false, folds: 2, ..TrainOptions::default() }, &|_| ()).unwrap();
 //!
