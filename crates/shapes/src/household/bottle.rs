@@ -1,4 +1,7 @@
-//! Bottles: a body, round or flat, a shoulder, a neck and a cap.
+//! Bottles: a body, round or flat, a shoulder, a neck and a cap; some with the handle of a jug at +x, some with a sprayer's head.
+//!
+//! Heights and widths span what is sold: drinks of 0.25 to 1.5 l (170 to 330 mm high, 57 to 90 wide), sauces (150 to 240), soap and shampoo
+//! (140 to 260), cleaners with a sprayer (250 to 290), jugs of milk and detergent (230 to 300 high, 120 to 180 wide).
 
 use super::Random;
 use super::solid::{Ring, Solid};
@@ -65,14 +68,43 @@ const SOAP: Kind = Kind {
     exponent: [2.0, 4.5],
 };
 
+const JUG: Kind = Kind {
+    height: [0.20, 0.30],
+    width: [0.44, 0.62],
+    depth: [0.55, 1.0],
+    body: [0.48, 0.64],
+    shoulder: [0.76, 0.88],
+    neck: [0.22, 0.40],
+    exponent: [2.4, 5.0],
+};
+const SPRAYER: Kind = Kind {
+    height: [0.19, 0.24],
+    width: [0.34, 0.50],
+    depth: [0.55, 1.0],
+    body: [0.45, 0.60],
+    shoulder: [0.74, 0.86],
+    neck: [0.26, 0.40],
+    exponent: [2.0, 3.5],
+};
+
+/// What a bottle has besides its body.
+#[derive(Clone, Copy, PartialEq)]
+enum Extra {
+    Nothing,
+    Handle,
+    Head,
+}
+
 /// A bottle, its wide side along x.
 pub(super) fn bottle(r: &mut Random) -> Solid {
-    let kind = match r.within(0.0, 1.0) {
-        p if p < 0.28 => MUSTARD,
-        p if p < 0.42 => BLEACH,
-        p if p < 0.64 => DRINK,
-        p if p < 0.80 => KETCHUP,
-        _ => SOAP,
+    let (kind, extra) = match r.within(0.0, 1.0) {
+        p if p < 0.22 => (MUSTARD, Extra::Nothing),
+        p if p < 0.34 => (BLEACH, if r.chance(0.5) { Extra::Handle } else { Extra::Nothing }),
+        p if p < 0.56 => (DRINK, Extra::Nothing),
+        p if p < 0.70 => (KETCHUP, Extra::Nothing),
+        p if p < 0.86 => (SOAP, Extra::Nothing),
+        p if p < 0.93 => (JUG, Extra::Handle),
+        _ => (SPRAYER, Extra::Head),
     };
     let mut draw = |[low, high]: [f64; 2]| r.within(low, high);
     let height = draw(kind.height);
@@ -112,5 +144,39 @@ pub(super) fn bottle(r: &mut Random) -> Solid {
     rings.push(section(tip, tip, 1.0, 2.0));
     let mut solid = Solid::default();
     solid.rings(&rings);
+    match extra {
+        Extra::Nothing => {}
+        Extra::Handle => handle(&mut solid, r, height, a, neck, [body, shoulder]),
+        Extra::Head => head(&mut solid, r, height, tip),
+    }
     solid
+}
+
+/// The handle of a jug: a bow from the neck to the body, at +x.
+fn handle(solid: &mut Solid, r: &mut Random, height: f64, a: f64, neck: f64, [body, shoulder]: [f64; 2]) {
+    let low = height * (body - r.within(0.05, 0.25));
+    let high = height * (shoulder - r.within(0.0, 0.04));
+    let reach = r.within(0.012, 0.030);
+    let path: Vec<[f64; 2]> = (0..=20)
+        .map(|n| {
+            let t = f64::from(n) / 20.0;
+            let bow = (std::f64::consts::PI * t).sin().powf(0.6);
+            // From within the body to within the neck.
+            let start = 0.85 * a * (1.0 - t) + 0.6 * neck * t;
+            [start + (0.15 * a + reach) * bow + (a - start) * 0.6 * bow, low + (high - low) * t]
+        })
+        .collect();
+    solid.tube(&path, [r.within(0.006, 0.011), r.within(0.008, 0.014)]);
+}
+
+/// A sprayer's head on the cap: its nozzle towards +x, with a trigger below.
+fn head(solid: &mut Solid, r: &mut Random, height: f64, tip: f64) {
+    let (back, front) = (r.within(0.02, 0.035), r.within(0.045, 0.070));
+    let (wide, high) = (r.within(0.010, 0.016), r.within(0.028, 0.042));
+    let foot = height - 0.004;
+    solid.rings(&[Ring::circle(0.9 * tip, height - 0.01), Ring::circle(0.9 * tip, foot + 0.6 * high)]);
+    solid.cuboid([-back, -wide, foot + 0.35 * high], [front, wide, foot + high]);
+    // The trigger.
+    let from = front * r.within(0.55, 0.8);
+    solid.cuboid([from - 0.006, -0.6 * wide, foot - r.within(0.012, 0.030)], [from + 0.004, 0.6 * wide, foot + 0.4 * high]);
 }

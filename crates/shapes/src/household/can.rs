@@ -1,62 +1,62 @@
-//! Cans from flat to tall, tubes, and cups without a handle; some of them lying.
+//! Cans from flat to tall, tins, and tubes of cardboard; upright.
+//!
+//! Sizes are the trade's nominal ones: diameters of can ends (52 to 99 mm; 202 to 603 in sixteenths of an inch), heights of drinks by
+//! filling volume, and measured ones of crisps tubes.
 
+use super::Random;
 use super::solid::{Ring, Solid};
-use super::{Random, vessel};
-use nalgebra::Point3;
 
 /// Typical cans, metres: diameter, height.
-const TYPICAL: [[f64; 2]; 9] = [
+const TYPICAL: [[f64; 2]; 15] = [
     [0.085, 0.034], // tuna
     [0.075, 0.050], // pineapple
     [0.066, 0.101], // soup
-    [0.066, 0.122], // a drink
+    [0.066, 0.115], // a drink, 330 ml
+    [0.066, 0.122], // a drink, 12 oz
+    [0.066, 0.168], // a drink, 500 ml
+    [0.058, 0.146], // a drink, slender
+    [0.053, 0.135], // a drink, 250 ml
+    [0.053, 0.090], // a drink, 150 ml
     [0.073, 0.110], // tomatoes
     [0.102, 0.139], // coffee
-    [0.075, 0.240], // crisps
-    [0.100, 0.120], // large
-    [0.190, 0.085], // biscuits
+    [0.099, 0.120], // large
+    [0.077, 0.237], // crisps
+    [0.072, 0.255], // crisps, slender
+    [0.077, 0.090], // crisps, small
 ];
 
-/// A can, solid, sometimes on its side; or a cup, which is open.
+/// A can, closed.
 pub(super) fn can(r: &mut Random) -> Solid {
     let mut solid = Solid::default();
-    if r.chance(0.15) {
-        let height = r.within(0.075, 0.13);
-        let top = r.within(0.030, 0.045);
-        let bottom = top * r.within(0.65, 1.0);
-        let wall = r.within(0.002, 0.004);
-        vessel::hollow(&mut solid, &[[bottom, 0.0], [top, height]], wall, r.within(0.004, 0.010));
-        return solid;
-    }
-    let [diameter, height] = if r.chance(0.5) {
-        r.one_of(&TYPICAL).map(|side| side * r.about(0.85, 1.18))
+    let [diameter, height] = if r.chance(0.75) {
+        let size = r.about(0.94, 1.07);
+        r.one_of(&TYPICAL).map(|side| side * size * r.about(0.95, 1.05))
     } else {
-        let diameter = r.about(0.055, 0.20);
-        [diameter, (diameter * r.about(0.35, 3.4)).min(0.28)]
+        let diameter = r.about(0.050, 0.16);
+        [diameter, (diameter * r.about(0.35, 3.2)).clamp(0.028, 0.27)]
     };
     let radius = diameter / 2.0;
-    // Narrower at the ends, as drink cans are, or tapered a little as tubs are; mostly neither.
-    let (taper, neck) = match r.within(0.0, 1.0) {
-        p if p < 0.2 => (r.within(0.85, 1.0), 0.0),
-        p if p < 0.45 => (1.0, r.within(0.03, 0.12) * radius),
-        _ => (1.0, 0.0),
+    // Narrower at the ends, as drink cans are, or tapered a little as tubs are, or with a wider lid; mostly none of it.
+    let (taper, neck, lid) = match r.within(0.0, 1.0) {
+        p if p < 0.12 => (r.within(0.85, 1.0), 0.0, 0.0),
+        p if p < 0.45 => (1.0, r.within(0.05, 0.16) * radius, 0.0),
+        p if p < 0.65 => (1.0, 0.0, r.within(0.001, 0.003)),
+        _ => (1.0, 0.0, 0.0),
     };
-    let edge = (2.0 * neck).min(height / 4.0);
+    let edge = (2.0 * neck).min(height / 4.0).max(1e-4);
     let foot = radius * taper;
-    solid.rings(&[
-        Ring::circle(foot - neck, 0.0),
-        Ring::circle(foot, edge.max(1e-4)),
-        Ring::circle(radius, height - edge.max(1e-4)),
-        Ring::circle(radius - neck, height),
-    ]);
-    if r.chance(0.15) {
-        // Rolled over, with its longer horizontal side along x.
-        let middle = height / 2.0;
-        if height > diameter {
-            solid.place(|p| Point3::new(p.z - middle, p.y, radius - p.x));
-        } else {
-            solid.place(|p| Point3::new(p.x, p.z - middle, radius - p.y));
-        }
+    // The end lies within a rim on many of them.
+    let (rim, deep) = if r.chance(0.5) { (r.within(0.002, 0.004), r.within(0.002, 0.006).min(0.15 * height)) } else { (0.0, 0.0) };
+    let mut rings = vec![Ring::circle(foot - neck, 0.0), Ring::circle(foot, edge), Ring::circle(radius, height - edge)];
+    if lid > 0.0 {
+        let high = r.within(0.006, 0.014).min(0.3 * height);
+        rings = vec![Ring::circle(foot, 0.0), Ring::circle(radius, height - high), Ring::circle(radius + lid, height - high + 1e-4)];
     }
+    let top = radius - neck + lid;
+    rings.push(Ring::circle(top, height));
+    if rim > 0.0 {
+        rings.extend([Ring::circle(top - rim, height), Ring::circle(top - rim, height - deep)]);
+    }
+    solid.rings(&rings);
     solid
 }

@@ -3,15 +3,15 @@
 //! | file | what |
 //! | --- | --- |
 //! | `solid` | the closed surfaces that things are put together from |
-//! | `carton` | boxes |
-//! | `can` | cans, tubes, cups |
-//! | `bottle` | bottles |
-//! | `vessel` | mugs, bowls, plates |
+//! | `carton` | boxes, books, cartons of drinks, open boxes |
+//! | `can` | cans, tubes |
+//! | `bottle` | bottles, jugs, sprayers |
+//! | `vessel` | mugs and tumblers, bowls, plates; some with something in them |
 //! | `tray` | cutlery boxes |
 //!
-//! Canonical orientation: upright (but for some cans), standing on z = 0; the longer horizontal side along x, the handle of a mug towards +x. Sizes and
-//! proportions are drawn from ranges about those of supermarket goods and tableware; no scanned shape is used. What is not covered:
-//! things that lie on their side (boxes and cans apart), handles of jugs and bleach bottles, contents of open vessels.
+//! Canonical orientation: upright, standing on z = 0; boxes on their smallest face; the longer horizontal side along x, handles and nozzles
+//! towards +x. Sizes and proportions are drawn from ranges about those of supermarket goods and tableware (each file says which); no
+//! scanned shape is used. How things lie on their sides is learned from the shapes (resting poses), not drawn here.
 
 mod bottle;
 mod can;
@@ -104,6 +104,7 @@ mod tests {
 
     #[test]
     fn things_stand_on_the_ground_at_household_size_with_their_long_side_along_x() {
+        let mut handles = 0;
         for class in CLASSES {
             for seed in 0..200 {
                 let [low, high] = mesh(class, seed).unwrap().bounds();
@@ -112,18 +113,21 @@ mod tests {
                 assert!((0.055..0.45).contains(&size.max()) && size.min() > 0.008, "{class} {seed}: {size:?}");
                 assert!(size.x >= size.y - 1e-3, "{class} {seed}: {size:?}");
                 if class == "mug" {
-                    assert!(high.x > 0.02 - low.x, "{class} {seed}: the handle is at +x");
+                    handles += usize::from(high.x > 0.02 - low.x);
+                    assert!(high.x > -low.x - 1e-9, "{class} {seed}: no handle is at −x");
                 }
             }
         }
+        assert!((140..200).contains(&handles), "{handles} mugs with a handle, the others are tumblers");
     }
 
-    /// Seen from above, an open vessel goes deep in its middle; a filled one does not.
+    /// Seen from above, an open vessel goes deep in its middle; one with something in it does not.
     #[test]
     fn open_vessels_stay_hollow_as_voxels() {
         for side in [30, 64] {
             let dims = Dims::cube(side).unwrap();
             for class in ["bowl", "mug", "plate", "cutlery_box"] {
+                let mut empty = 0;
                 for seed in 0..40 {
                     let object = make(class, dims, seed).unwrap();
                     let top = |i: usize, j: usize| (0..side).rev().find(|k| object.is_filled(i, j, *k));
@@ -131,8 +135,10 @@ mod tests {
                     let (low, high) = (filled.iter().map(|v| v[2]).min().unwrap(), filled.iter().map(|v| v[2]).max().unwrap());
                     let tops = (0..side * side).filter_map(|n| top(n / side, n % side));
                     let (deep, all) = tops.fold((0, 0), |(deep, all), top| (deep + usize::from(2 * top < low + high), all + 1));
-                    assert!(deep * 5 >= all, "{class} {seed} at {side}: {deep} of {all} columns end below the middle");
+                    empty += usize::from(deep * 5 >= all);
                 }
+                let expected = if ["bowl", "mug"].contains(&class) { 28..40 } else { 40..41 };
+                assert!(expected.contains(&empty), "{class} at {side}: {empty} of 40 end below the middle in many columns");
             }
         }
     }

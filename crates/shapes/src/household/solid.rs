@@ -53,6 +53,19 @@ impl Solid {
         }
     }
 
+    /// A prism along x from `ends[0]` to `ends[1]`; `profile` is convex, in the plane of y and z, counter-clockwise about x.
+    pub fn prism(&mut self, profile: &[[f64; 2]], ends: [f64; 2]) {
+        let rows: Vec<Vec<Point3<f64>>> = ends.iter().map(|x| profile.iter().map(|[y, z]| Point3::new(*x, *y, *z)).collect()).collect();
+        self.rows(&rows);
+    }
+
+    /// Adds all surfaces of another.
+    pub fn append(&mut self, other: Self) {
+        let first = self.vertices.len() as u32;
+        self.vertices.extend(other.vertices);
+        self.triangles.extend(other.triangles.into_iter().map(|t| t.map(|v| first + v)));
+    }
+
     /// The surface through rings from the outside of the bottom: up the outside, and for a vessel down the inside. The first and the
     /// last ring are closed by a disc unless they are points.
     pub fn rings(&mut self, rings: &[Ring]) {

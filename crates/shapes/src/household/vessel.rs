@@ -36,16 +36,36 @@ pub(super) fn hollow(solid: &mut Solid, curve: &[[f64; 2]], wall: f64, floor: f6
     solid.rings(&rings);
 }
 
-/// A bowl with a foot; its wall rounded, conical, or in between.
+/// Fills a vessel of that outside up to `level`, with a surface that rises by `heap` in the middle.
+fn fill(solid: &mut Solid, curve: &[[f64; 2]], wall: f64, level: f64, heap: f64) {
+    // Within the wall, so that the two overlap.
+    let within = |[radius, z]: [f64; 2]| Ring::circle((radius - 0.6 * wall).max(1e-3), z);
+    let mut rings: Vec<Ring> = curve.iter().filter(|[_, z]| *z < level - 1e-4).map(|at| within(*at)).collect();
+    let Some(above) = curve.iter().position(|[_, z]| *z >= level - 1e-4).filter(|n| *n > 0) else { return };
+    let ([r0, z0], [r1, z1]) = (curve[above - 1], curve[above]);
+    let share = (level - z0) / (z1 - z0).max(1e-9);
+    let top = within([r0 + share * (r1 - r0), level]);
+    rings.push(top);
+    rings.push(Ring::circle(0.6 * top.half[0], level + 0.7 * heap));
+    rings.push(Ring::circle(0.0, level + heap));
+    solid.rings(&rings);
+}
+
+/// A bowl with a foot; its wall rounded, conical, or in between; sometimes with something in it. Diameters from small bowls for dips
+/// (90 mm) over those for rice (115), cereals (140 to 160) and pasta to salad (250).
 pub(super) fn bowl(r: &mut Random) -> Solid {
-    let rim = r.about(0.055, 0.125);
-    let height = (2.0 * rim * r.within(0.27, 0.52)).clamp(0.04, 0.095);
+    let rim = r.about(0.045, 0.125);
+    let height = (2.0 * rim * r.within(0.27, 0.56)).clamp(0.032, 0.110);
     let foot_height = if r.chance(0.7) { r.within(0.002, 0.010) } else { 0.0 };
     let bottom = rim * r.within(0.30, 0.62);
     let roundness = r.within(0.35, 1.0);
     let wall = r.within(0.003, 0.006);
     let mut solid = Solid::default();
-    hollow(&mut solid, &rounded(bottom, rim, foot_height, height, roundness), wall, r.within(0.004, 0.008));
+    let curve = rounded(bottom, rim, foot_height, height, roundness);
+    hollow(&mut solid, &curve, wall, r.within(0.004, 0.008));
+    if r.chance(0.15) {
+        fill(&mut solid, &curve, wall, foot_height + (height - foot_height) * r.within(0.4, 0.85), height * r.within(0.0, 0.15));
+    }
     if foot_height > 0.0 {
         // It ends within the floor.
         let foot = bottom * r.within(0.85, 0.98);
@@ -54,9 +74,9 @@ pub(super) fn bowl(r: &mut Random) -> Solid {
     solid
 }
 
-/// A plate or a shallow dish: a flat well and a rim that rises slowly.
+/// A plate or a shallow dish: a flat well and a rim that rises slowly; from saucers (150 mm) to dinner plates (280).
 pub(super) fn plate(r: &mut Random) -> Solid {
-    let rim = r.within(0.075, 0.145);
+    let rim = r.within(0.072, 0.145);
     let height = r.within(0.014, 0.040);
     let well = rim * r.within(0.50, 0.78);
     let wall = r.within(0.003, 0.006);
@@ -69,12 +89,14 @@ pub(super) fn plate(r: &mut Random) -> Solid {
     solid
 }
 
-/// A mug with its handle at +x.
+/// A mug with its handle at +x, or a tumbler, which has none; from espresso (60 mm high) over the usual 80 × 95 mm to large ones;
+/// tumblers and paper cups up to 150 mm. Sometimes with something in it.
 pub(super) fn mug(r: &mut Random) -> Solid {
-    let rim = r.within(0.035, 0.050);
-    let height = r.within(0.070, 0.112);
+    let with_handle = r.chance(0.85);
+    let rim = r.within(0.034, 0.050);
+    let height = if with_handle { r.within(0.068, 0.115) } else { r.within(0.070, 0.150) };
     let wall = r.within(0.003, 0.006);
-    let bottom = rim * if r.chance(0.5) { r.within(0.96, 1.02) } else { r.within(0.72, 1.0) };
+    let bottom = rim * if with_handle && r.chance(0.5) { r.within(0.96, 1.02) } else { r.within(0.72, 1.0) };
     let bulge = if r.chance(0.3) { rim * r.within(-0.06, 0.14) } else { 0.0 };
     // A rounded lower edge.
     let edge = if r.chance(0.5) { r.within(0.004, 0.018) } else { 0.001 };
@@ -88,6 +110,12 @@ pub(super) fn mug(r: &mut Random) -> Solid {
     curve.extend((1..=STEPS).map(|n| edge + (height - edge) * n as f64 / STEPS as f64).map(|z| [radius(z), z]));
     let mut solid = Solid::default();
     hollow(&mut solid, &curve, wall, r.within(0.004, 0.009));
+    if r.chance(0.2) {
+        fill(&mut solid, &curve, wall, height * r.within(0.45, 0.92), 0.0);
+    }
+    if !with_handle {
+        return solid;
+    }
 
     // The handle: a bow from within the wall to within the wall.
     let low = height * r.within(0.10, 0.30);
