@@ -1,9 +1,11 @@
 //! Objects that a fold holds out, scored as queries are; what the calibration is fitted to.
 
 use super::calibration::{Fitted, FittedVoxels, fit_blend, fit_voxels};
-use super::fit::{Data, Fit, Fold, Pass, project};
+use super::error::TrainError;
+use super::fit::{Data, Fit, Fold, project};
 use super::hull_density::HullMoments;
-use super::train::{TrainError, TrainOptions};
+use super::options::TrainOptions;
+use super::progress::Pass;
 use crate::linear::LinearError;
 use crate::model::{Blend, Calibration, CompletionCalibration};
 use crate::perception::completion::voxels::{Block, ForEachBlock, Part, Unknown};
