@@ -75,7 +75,7 @@ impl HeldOut {
             hull.push((0..labels.len()).map(|i| by_class.iter().map(|(distances, volume)| (distances[i], *volume)).collect()).collect());
         }
 
-        let subspaces: Vec<ClassSubspace> = fit.classes.iter().map(|c| fit.reading.class(&c.model)).collect();
+        let subspaces: Vec<ClassSubspace> = fit.classes.iter().map(|c| ClassSubspace::of(&fit.reading, &c.model)).collect();
         let share = (EVIDENCE_OBJECTS / options.folds.max(1)).max(1);
         let sampled = sample(&labels, data.classes.len(), share);
         let most_completed = (COMPLETED_OBJECTS / options.folds.max(1)).max(1);
