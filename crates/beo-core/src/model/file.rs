@@ -84,11 +84,6 @@ fn header_checksum(metadata: &Metadata, checksums: &BTreeMap<String, u32>, table
     crc32fast::hash(text.as_bytes())
 }
 
-/// Bytes as half-precision numbers; the slice is aligned and whole, which `load` has checked.
-pub(super) fn half_slice(bytes: &[u8]) -> &[f16] {
-    bytemuck::cast_slice(bytes)
-}
-
 /// Length of a packed lower triangle of `size` rows.
 fn packed(size: usize) -> usize {
     size * (size + 1) / 2

@@ -3,7 +3,7 @@
 //! Heights and widths span what is sold: drinks of 0.25 to 1.5 l (170 to 330 mm high, 57 to 90 wide), sauces (150 to 240), soap and shampoo
 //! (140 to 260), cleaners with a sprayer (250 to 290), jugs of milk and detergent (230 to 300 high, 120 to 180 wide).
 
-use super::Random;
+use super::random::Random;
 use super::solid::{Ring, Solid};
 
 /// What a bottle is drawn from: ranges, metres and ratios.

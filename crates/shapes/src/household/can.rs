@@ -3,7 +3,7 @@
 //! Sizes are the trade's nominal ones: diameters of can ends (52 to 99 mm; 202 to 603 in sixteenths of an inch), heights of drinks by
 //! filling volume, and measured ones of crisps tubes.
 
-use super::Random;
+use super::random::Random;
 use super::solid::{Ring, Solid};
 
 /// Typical cans, metres: diameter, height.

@@ -6,7 +6,8 @@
 //! state outer sizes; those of drinks follow from the filling machines' standard bases, such as 95 × 65 and 70 × 70 mm).
 
 use super::solid::Ring;
-use super::{Random, Solid};
+use super::random::Random;
+use super::solid::Solid;
 use nalgebra::{Point3, Rotation3, Vector3};
 
 /// Typical boxes, metres, longest side first.
