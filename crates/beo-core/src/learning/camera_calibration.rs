@@ -1,6 +1,7 @@
 //! How sure the densities of what cameras see may be, fitted on views of shapes that they have not seen, through the same sensors.
 
 use super::calibration::fit_blend;
+use super::camera_forest::measured;
 use super::camera_views::{AtRest, Part, Sample, Views, are_plain, stream};
 use crate::grid::{Outside, yaw_of};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
@@ -56,6 +57,8 @@ struct Scored {
     cells: Vec<Cell>,
     /// Log density of each cell's true size; zeros where units are not known.
     log_sizes: Vec<f64>,
+    /// Logarithms of the classes' shares of the forest.
+    forest: Vec<f64>,
     sample: Sample,
 }
 
@@ -105,7 +108,8 @@ pub fn calibrate(
         let log_sizes = cells.iter().map(log_size).collect();
         let angle = sample.yaw(&parts[component].component.rotation());
         let step = (angle.rem_euclid(TAU) / TAU * YAWS as f64).round() as usize % YAWS;
-        Some(Scored { class: *class, truth: (component, step), cells, log_sizes, sample })
+        let forest = scores.log_shares(&measured(&sample));
+        Some(Scored { class: *class, truth: (component, step), cells, log_sizes, forest, sample })
     };
     let scored: Vec<Scored> = chosen.par_iter().filter_map(score).collect();
     let labels: Vec<usize> = scored.iter().map(|view| view.class).collect();
@@ -147,15 +151,21 @@ pub fn calibrate(
         true => weigh_as_they_lie(&scored, &scores, left_out, classes, pose_weight)?,
         false => weigh(&scored, &marginals, left_out, classes, pose_weight, size_weight)?,
     };
+    let forests: Vec<Vec<f64>> = scored.iter().map(|view| view.forest.clone()).collect();
+    let with_forest = fit_blend(&[marginals, forests], &labels, classes, true)?;
+    tracing::debug!(log_loss = with_forest.log_loss, accuracy = with_forest.accuracy, weights = ?with_forest.weights, "with the forest");
+    let [hull, forest] = [with_forest.weights[0], with_forest.weights[1]];
     let mut calibration = CameraCalibration {
         pose_weight,
         size_weight: sized.then_some(size_weight),
         blend: Blend { hull: fitted.weights[0], offsets: fitted.offsets, ..Blend::default() },
+        with_forest: Some(Blend { hull, forest, offsets: with_forest.offsets, ..Blend::default() }),
+        none: None,
         together,
         spread: Some(CameraSpread::ONE),
         views: labels.len(),
-        accuracy: fitted.accuracy,
-        log_loss: fitted.log_loss,
+        accuracy: with_forest.accuracy,
+        log_loss: with_forest.log_loss,
     };
     let samples: Vec<Sample> = scored.into_iter().take(MOST_PLACED).map(|view| view.sample).collect();
     calibration.spread = spread(left_out, classes, views.lying, (scores, calibration.clone()), &samples)?;
@@ -278,9 +288,11 @@ fn weigh_as_they_lie(
     let weighed: Vec<(Vec<f64>, Vec<f64>)> = scored.par_iter().map(weigh_one).collect::<Result<_, _>>()?;
     let (marginals, evidence) = weighed.into_iter().unzip();
     let labels: Vec<usize> = scored.iter().map(|view| view.class).collect();
-    let both = fit_blend(&[marginals, evidence], &labels, classes, true)?;
+    let forests = scored.iter().map(|view| view.forest.clone()).collect();
+    let both = fit_blend(&[marginals, evidence, forests], &labels, classes, true)?;
     tracing::debug!(log_loss = both.log_loss, accuracy = both.accuracy, weights = ?both.weights, "with the evidence, as they truly lie");
-    Ok(Some(Blend { hull: both.weights[0], evidence: both.weights[1], distance: 0.0, offsets: both.offsets }))
+    let [hull, evidence, forest] = [0, 1, 2].map(|n| both.weights[n]);
+    Ok(Some(Blend { hull, evidence, forest, offsets: both.offsets, ..Blend::default() }))
 }
 
 /// F and the log evidence of the likely classes, each refined as a query's is, weighed together; none where the grids differ in size.
@@ -324,9 +336,11 @@ fn weigh(
     let count = scored.len().min(MOST_WEIGHED);
     let evidence: Vec<Vec<f64>> = (0..count).into_par_iter().map(weigh_one).collect::<Result<_, _>>()?;
     let labels: Vec<usize> = scored[..count].iter().map(|view| view.class).collect();
-    let both = fit_blend(&[marginals[..count].to_vec(), evidence], &labels, classes, true)?;
+    let forests = scored[..count].iter().map(|view| view.forest.clone()).collect();
+    let both = fit_blend(&[marginals[..count].to_vec(), evidence, forests], &labels, classes, true)?;
     tracing::debug!(log_loss = both.log_loss, accuracy = both.accuracy, weights = ?both.weights, "with the evidence, each class as it lies best");
-    Ok(Some(Blend { hull: both.weights[0], evidence: both.weights[1], distance: 0.0, offsets: both.offsets }))
+    let [hull, evidence, forest] = [0, 1, 2].map(|n| both.weights[n]);
+    Ok(Some(Blend { hull, evidence, forest, offsets: both.offsets, ..Blend::default() }))
 }
 
 #[cfg(test)]

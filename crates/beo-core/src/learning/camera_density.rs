@@ -7,6 +7,7 @@
 //! first (`camera_calibration`).
 
 use super::camera_calibration::{LeftOut, calibrate};
+use super::camera_forest::Measured;
 use super::camera_views::{ClassShapes, Part, Views, are_plain, around, parts, stream};
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
@@ -48,8 +49,15 @@ pub fn camera_densities(classes: &[ClassShapes<'_>], left_out: &LeftOut<'_>, vie
     let features = feature_basis(&parts, views)?;
     let is_kept = |class: usize, shape: usize| !left_out.held[class].contains(&shape);
     let densities = fit(&parts, views, &features, 2, &is_kept)?;
-    let calibration = calibrate(densities, &parts, left_out, classes.len(), views)?;
-    Ok(Learned { densities: fit(&parts, views, &features, 1, &|_, _| true)?, calibration })
+    let m = classes.len();
+    let measured = Measured::draw(&parts, m, &is_kept, views, 0);
+    let held = Measured::draw(&parts, m, &|class, shape| !is_kept(class, shape), views, 1 << 40);
+    let forest = measured.forest(m, views.seed);
+    let none = held.none_calibration(&forest)?;
+    let densities = CameraDensities { forest: Some(forest), ..densities };
+    let calibration = CameraCalibration { none: Some(none), ..calibrate(densities, &parts, left_out, m, views)? };
+    let forest = Some(measured.with(&held).forest(m, views.seed));
+    Ok(Learned { densities: CameraDensities { forest, ..fit(&parts, views, &features, 1, &|_, _| true)? }, calibration })
 }
 
 /// B and the mean variance along its columns.
@@ -121,6 +129,7 @@ fn fit(
         offsets: Vec::new(),
         regression: Vec::new(),
         deviations: Vec::new(),
+        forest: None,
     };
     let scores = CameraFeatures::new(&densities.basis, size);
     let ridge = (LEAST_VARIANCE * features.variance).max(1e-4);

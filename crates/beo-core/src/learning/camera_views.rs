@@ -30,6 +30,8 @@ pub struct ClassShapes<'a> {
     pub objects: &'a [&'a Occupancy],
     /// Lengths of each; none where units are not known.
     pub lengths_m: Option<&'a [[f64; 3]]>,
+    /// The shapes on finer grids, centred alike, for what cameras see of them; none where there are no such grids.
+    pub fine: Option<&'a [&'a Occupancy]>,
 }
 
 /// How views are made.
@@ -54,9 +56,12 @@ pub struct AtRest {
     /// The rotation that did that.
     rotation: Rotation,
     /// Longest side, metres, if it is known.
-    side_m: Option<f64>,
+    pub side_m: Option<f64>,
     /// Lengths of the box about the shape along its canonical axes, voxels.
     lengths: [f64; 3],
+    /// Voxels of the shape per voxel of the canonical grid along an axis, and the size of that grid.
+    fineness: f64,
+    dims: Dims,
 }
 
 /// A component and the shapes that are of it.
@@ -95,12 +100,14 @@ fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
         };
         for pose in poses {
             let at_rest = |(n, rotation): (usize, &Option<Rotation>)| -> Option<AtRest> {
-                let (object, rotation) = (objects[n], (*rotation)?);
+                let (coarse, rotation) = (objects[n], (*rotation)?);
+                let object = shapes.fine.map_or(coarse, |fine| fine[members[n]]);
+                let fineness = object.dims().x() as f64 / coarse.dims().x() as f64;
                 let turned = if rotation.angle() < 1e-9 { object.clone() } else { Turn::new(object.dims(), &rotation).occupancy(object) };
                 let [low, high] = object.bounds()?;
-                let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64);
+                let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 / fineness);
                 let side_m = shapes.lengths_m.map(|lengths| lengths[members[n]].into_iter().fold(0.0, f64::max));
-                (turned.count() > 0).then_some(AtRest { shape: members[n], turned, rotation, side_m, lengths })
+                (turned.count() > 0).then_some(AtRest { shape: members[n], turned, rotation, side_m, lengths, fineness, dims: coarse.dims() })
             };
             let shapes: Vec<AtRest> = pose.of.par_iter().enumerate().filter_map(at_rest).collect();
             let component =
@@ -154,6 +161,23 @@ pub struct Sample {
 }
 
 impl AtRest {
+    /// The shape as it rests.
+    pub fn grid(&self) -> &Occupancy {
+        &self.turned
+    }
+
+    /// The same of another true size.
+    pub fn resized(&self, factor: f64) -> Self {
+        Self { turned: self.turned.clone(), side_m: self.side_m.map(|side| side * factor), ..*self }
+    }
+
+    /// Something else on such a grid, as it lies; of no shape of the class.
+    pub fn like(&self, turned: Occupancy, side_m: Option<f64>) -> Self {
+        let [low, high] = turned.bounds().unwrap_or_default();
+        let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 / self.fineness);
+        Self { turned, side_m, lengths, rotation: Rotation::identity(), ..*self }
+    }
+
     /// Sees the shape turned by `turned` radians relative to the direction of looking, from an elevation; `None` if too little is seen.
     pub fn see(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
         let object = &self.turned;
@@ -174,7 +198,7 @@ impl AtRest {
         if let Some(table) = view.table_height().filter(|table| low.z - table < CONTACT_SHARE * (high.z - low.z)) {
             low.z = table.min(high.z);
         }
-        let dims = if object.dims().voxels() <= MOST_VOXELS { object.dims() } else { Dims::cube(30).ok()? };
+        let dims = if self.dims.voxels() <= MOST_VOXELS { self.dims } else { Dims::cube(30).ok()? };
         let shortest = dims.x().min(dims.y()).min(dims.z()) as f64;
         let edge = ((high - low).max() / (beo_camera::Placement::default().share * shortest)).max(1e-3);
         let centre = axes * ((low + high) / 2.0);
@@ -182,11 +206,11 @@ impl AtRest {
         view.carve(dims, &axes, &centre, edge, &mut bytes, &mut observation);
         let grid_from_object = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
         let rotation = yaw(turned) * self.rotation;
-        let placed = Placed { rotation, scale: 1.0 / edge, shift: grid_from_object(Vector3::zeros()) };
+        let placed = Placed { rotation, scale: self.fineness / edge, shift: grid_from_object(Vector3::zeros()) };
         let camera = grid_from_object(eye.position());
         let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
         let longest = self.lengths.into_iter().fold(0.0, f64::max);
-        let voxel_m = self.side_m.map(|side| side / longest * edge);
+        let voxel_m = self.side_m.map(|side| side / (longest * self.fineness) * edge);
         Some(Sample { camera, frame, observation, placed, voxel_m, lengths: self.lengths })
     }
 }

@@ -26,6 +26,8 @@ pub(super) struct Data<'a> {
     pub classes: Vec<Vec<&'a Occupancy>>,
     /// True lengths of the shapes, metres, if they are known.
     pub lengths_m: Option<Vec<Vec<[f64; 3]>>>,
+    /// The shapes on finer grids, if there are such.
+    pub fine: Option<Vec<Vec<&'a Occupancy>>>,
     overlaps: Vec<Mat<f64>>,
 }
 
@@ -39,7 +41,7 @@ impl<'a> Data<'a> {
     /// Shapes of one size, by class.
     pub fn new(dims: Dims, classes: Vec<Vec<&'a Occupancy>>) -> Self {
         let overlaps = classes.iter().map(|c| overlaps(c)).collect();
-        Self { dims, classes, lengths_m: None, overlaps }
+        Self { dims, classes, lengths_m: None, fine: None, overlaps }
     }
 
     /// Stratified folds by a seeded shuffle of each class.

@@ -208,8 +208,8 @@ pub(super) fn calibrate(held_out: &[HeldOut], classes: usize) -> Result<Calibrat
     let auto_blend = Blend {
         hull: auto.weights[0] * hull.weights[0],
         evidence: auto.weights[1],
-        distance: 0.0,
         offsets: hull.offsets.iter().map(|offset| auto.weights[0] * offset).collect(),
+        ..Blend::default()
     };
     Ok(Calibration {
         degrees_of_freedom: freedom,

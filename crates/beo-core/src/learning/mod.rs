@@ -15,6 +15,8 @@
 //! | `hull`, `resting` | in which ways shapes come to rest | Goldberg et al. 1999 |
 //! | `camera_views` | shapes at rest, as cameras see them | |
 //! | `camera_density` | densities of what cameras see, by elevation and yaw | principal components, Gaussians |
+//! | `distractors` | things of no class | |
+//! | `forest`, `camera_forest` | decision trees on what views measure | Breiman 2001 |
 //! | `camera_calibration` | how sure they may be | logistic regression |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
 //! | `fit` | bases and classes of some of the shapes | |
@@ -29,10 +31,13 @@ mod basis;
 mod calibration;
 mod camera_calibration;
 mod camera_density;
+mod camera_forest;
 mod camera_views;
 mod components;
+mod distractors;
 mod error;
 mod fit;
+mod forest;
 mod gram;
 mod held_out;
 mod hull;

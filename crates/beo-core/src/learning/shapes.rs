@@ -24,6 +24,9 @@ pub struct ShapeSet {
     pub shapes: Vec<Shape>,
     /// True lengths of each shape along its canonical axes, metres, in the same order; `None` where units are not known.
     pub lengths_m: Option<Vec<[f64; 3]>>,
+    /// The shapes once more, in the same order, on grids of one larger size and centred alike: what cameras see is simulated with these,
+    /// since a slender cylinder of few voxels looks like a box. `None` where there are none; then the shapes themselves are seen.
+    pub fine: Option<Vec<Occupancy>>,
 }
 
 /// The shapes of each class, which all have one size.

@@ -48,6 +48,11 @@ pub fn train(shapes: &ShapeSet, options: &TrainOptions, progress: &(dyn Fn(Step)
         shapes.shapes.iter().zip(lengths).for_each(|(shape, lengths)| of_class[shape.class].push(*lengths));
         data.lengths_m = Some(of_class);
     }
+    if let Some(fine) = shapes.fine.as_ref().filter(|fine| fine.len() == shapes.shapes.len()) {
+        let mut of_class = vec![Vec::new(); shapes.classes.len()];
+        shapes.shapes.iter().zip(fine).for_each(|(shape, fine)| of_class[shape.class].push(fine));
+        data.fine = Some(of_class);
+    }
     let options = TrainOptions { camera_elevations_deg: elevations, ..options.clone() };
     let model = learn(&data, &shapes.classes, &options, progress)?;
     let searched = match model.searched {
@@ -117,8 +122,9 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
             longest_side: options.longest_side,
         };
         let lengths = |class: usize| data.lengths_m.as_ref().map(|lengths| &lengths[class][..]);
+        let fine = |class: usize| data.fine.as_ref().map(|fine| &fine[class][..]);
         let shapes: Vec<ClassShapes<'_>> =
-            data.classes.iter().enumerate().map(|(s, objects)| ClassShapes { objects, lengths_m: lengths(s) }).collect();
+            data.classes.iter().enumerate().map(|(s, objects)| ClassShapes { objects, lengths_m: lengths(s), fine: fine(s) }).collect();
         let views = Views { elevations: &elevations, sensing: options.sensing, lying: options.lying, seed: options.seed };
         let learned = camera_densities(&shapes, &left_out, &views)?;
         calibration.camera = Some(learned.calibration);

@@ -1,7 +1,7 @@
 //! Views of a camera at some elevation of objects that are turned about the vertical: a Gaussian of hull features for each component,
 //! elevation and yaw, and a regression of where the object lies on these features.
 
-use super::Component;
+use super::{Component, Forest};
 use half::f16;
 use std::f64::consts::TAU;
 
@@ -9,6 +9,8 @@ use std::f64::consts::TAU;
 pub const YAWS: usize = 24;
 /// Cells of the view's frame over which hulls are averaged: 15 along each axis.
 pub const CELLS: usize = 15 * 15 * 15;
+/// Numbers that a view measures for the forest.
+pub const MEASURES: usize = 190;
 /// Number of quantities that are regressed on the features, in the view's frame (`perception::camera::ViewFrame`): the rest of the yaw, radians; the logarithm
 /// of the scale, its unit per voxel of the canonical grid; the place of the canonical grid's centre, x, y, z; the lengths of the object's
 /// box along its axes.
@@ -35,6 +37,8 @@ pub struct CameraDensities {
     pub regression: Vec<f16>,
     /// Standard deviations of the offsets given z, that many values each.
     pub deviations: Vec<f32>,
+    /// Names classes, or none of them, from what a view measures (`perception::camera::measures`); models of version 0.1.0 have none.
+    pub forest: Option<Forest>,
 }
 
 impl CameraDensities {
@@ -77,6 +81,7 @@ mod tests {
             offsets: vec![],
             regression: vec![],
             deviations: vec![],
+            forest: None,
         };
         assert_eq!(densities.beside(0.1), [(0, 1.0), (0, 0.0)]);
         assert_eq!(densities.beside(1.5), [(2, 1.0), (2, 0.0)]);

@@ -1,10 +1,10 @@
 //! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
 
-use super::camera_density::CELLS;
+use super::camera_density::{CELLS, MEASURES};
 use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::opened::Opened;
 use super::{
-    Basis, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model,
+    Basis, CameraCalibration, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, Forest, HullDensity, MOST_COMPONENTS, Metadata, Model,
     OFFSETS, Searched, ViewDensities, YAWS, levels_of,
 };
 use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
@@ -188,6 +188,15 @@ fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>
         ];
         for (name, shape, values) in halves {
             tensors.push((name.into(), Dtype::F16, shape, bytemuck::cast_slice(values)));
+        }
+        if let Some(forest) = &cameras.forest {
+            let nodes = forest.asks.len();
+            tensors.push(("forest_root".into(), Dtype::U32, vec![forest.roots.len()], bytemuck::cast_slice(&forest.roots)));
+            tensors.push(("forest_input".into(), Dtype::U8, vec![nodes], &forest.asks));
+            tensors.push(("forest_threshold".into(), Dtype::F32, vec![nodes], bytemuck::cast_slice(&forest.thresholds)));
+            tensors.push(("forest_next".into(), Dtype::U32, vec![nodes], bytemuck::cast_slice(&forest.next)));
+            let leaves = forest.shares.len() / forest.outcomes;
+            tensors.push(("forest_share".into(), Dtype::F16, vec![leaves, forest.outcomes], bytemuck::cast_slice(&forest.shares)));
         }
         for (name, values) in [("camera_offset", &cameras.offsets), ("camera_deviation", &cameras.deviations)] {
             tensors.push((name.into(), Dtype::F32, vec![e, YAWS, components, OFFSETS], bytemuck::cast_slice(values)));
@@ -380,7 +389,11 @@ pub(super) fn check_metadata(metadata: &Metadata) -> Result<(), String> {
             if camera.pose_weight > 0.0
                 && std::iter::once(&camera.blend)
                     .chain(&camera.together)
-                    .all(|blend| blend.offsets.len() == m && blend.distance == 0.0)
+                    .chain(&camera.with_forest)
+                    .all(|blend| blend.offsets.len() == m && blend.distance == 0.0 && (blend.forest == 0.0 || camera.has_forest()))
+                && camera.blend.forest == 0.0
+                && camera.none.is_none_or(|none| none.constant.is_finite() && none.weight.is_finite())
+                && camera.with_forest.is_some() == camera.none.is_some()
                 && camera.spread.is_none_or(|spread| spread.place.iter().chain(&spread.extent).all(|v| *v > 0.0 && *v < 1e3)) => {}
         _ => return Err("its calibration does not fit its cameras".into()),
     }
@@ -510,12 +523,37 @@ fn camera_densities(file: &Opened, metadata: &Metadata) -> Result<Option<CameraD
         offsets: file.floats("camera_offset", &at(&[OFFSETS]))?,
         regression: file.halves("camera_regression", &at(&[OFFSETS, size]))?,
         deviations: file.floats("camera_deviation", &at(&[OFFSETS]))?,
+        forest: forest(file, metadata)?,
     };
     check_factors(file, "camera_whitening", &densities.whitening, size)?;
     if !densities.offsets.iter().all(|v| v.abs() < 1e3) || !densities.deviations.iter().all(|v| *v > 0.0 && *v < 1e3) {
         return Err(file.invalid("tensor `camera_offset` or `camera_deviation` holds a value that is out of range"));
     }
     Ok(Some(densities))
+}
+
+/// The forest that names what cameras see, if the calibration weighs one.
+fn forest(file: &Opened, metadata: &Metadata) -> Result<Option<Forest>, ModelError> {
+    if !metadata.calibration.camera.as_ref().is_some_and(CameraCalibration::has_forest) {
+        return Ok(None);
+    }
+    let outcomes = metadata.classes.len() + 1;
+    let length = |name: &str, bytes: u64| Ok::<_, ModelError>((file.bytes_of(name)? / bytes) as usize);
+    let (trees, nodes, leaves) =
+        (length("forest_root", 4)?, length("forest_input", 1)?, length("forest_share", 2 * outcomes as u64)?);
+    let forest = Forest {
+        inputs: MEASURES,
+        outcomes,
+        roots: file.words("forest_root", &[trees])?,
+        asks: file.bytes("forest_input", &[nodes])?,
+        thresholds: file.floats("forest_threshold", &[nodes])?,
+        next: file.words("forest_next", &[nodes])?,
+        shares: file.halves("forest_share", &[leaves, outcomes])?,
+    };
+    match forest.fault() {
+        Some(fault) => Err(file.invalid(format!("its forest {fault}"))),
+        None => Ok(Some(forest)),
+    }
 }
 
 /// Packed triangles have a positive diagonal.

@@ -79,6 +79,10 @@ fn yes() -> bool {
     true
 }
 
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
 fn is_yes(value: &bool) -> bool {
     *value
 }
@@ -92,6 +96,9 @@ pub struct Blend {
     pub evidence: f64,
     /// Weight of the negative squared distance to the class mean.
     pub distance: f64,
+    /// Weight of the logarithm of the forest's share.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub forest: f64,
     /// One offset per class.
     pub offsets: Vec<f64>,
 }
@@ -138,8 +145,14 @@ pub struct CameraCalibration {
     pub size_weight: Option<f64>,
     /// Factor and offsets for the class.
     pub blend: Blend,
-    /// F and the log evidence of the class as it lies best, relative to the background, weighed together; none where the grids were too
-    /// big to fit it.
+    /// F and the logarithm of the forest's share, weighed together; none where the model has no forest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub with_forest: Option<Blend>,
+    /// From the forest's share of none to a probability; none where the model has no forest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub none: Option<NoneCalibration>,
+    /// F, the forest's share where there is one, and the log evidence of the class as it lies best, relative to the background, weighed
+    /// together; none where the grids were too big to fit it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub together: Option<Blend>,
     /// Factors on the standard deviations of place and size; none in models of version 0.1.0, which then use [`CameraSpread::default`].
@@ -151,6 +164,38 @@ pub struct CameraCalibration {
     pub accuracy: f64,
     /// Mean negative log posterior of the true class on them, in nats.
     pub log_loss: f64,
+}
+
+impl CameraCalibration {
+    /// Whether the model has a forest.
+    pub fn has_forest(&self) -> bool {
+        self.with_forest.is_some()
+    }
+}
+
+/// P(none of the classes) = 1 / (1 + exp(−`constant` − `weight` · logit q)), where q is the share of none among the forest's trees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoneCalibration {
+    /// Added to the weighted logit.
+    pub constant: f64,
+    /// Factor on the logit.
+    pub weight: f64,
+}
+
+impl NoneCalibration {
+    /// Shares are not taken for smaller than this, nor for larger than 1 less this.
+    const LEAST: f64 = 0.0025;
+
+    /// log q / (1 − q), q kept from 0 and 1.
+    pub fn logit(share: f64) -> f64 {
+        let share = share.clamp(Self::LEAST, 1.0 - Self::LEAST);
+        (share / (1.0 - share)).ln()
+    }
+
+    /// The probability that the thing is of no class.
+    pub fn probability(&self, share: f64) -> f64 {
+        1.0 / (1.0 + (-self.constant - self.weight * Self::logit(share)).exp())
+    }
 }
 
 /// By how much standard deviations of place and size, as the densities of views and the search about them give them, are multiplied, so that

@@ -9,19 +9,22 @@ mod component;
 mod file;
 mod first_touch;
 mod footprint;
+mod forest;
 mod mapping;
 mod metadata;
 mod opened;
 mod view_density;
 
 pub use basis::Basis;
-pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, OFFSETS, YAWS};
+pub use camera_density::{CELLS as CAMERA_CELLS, CameraDensities, MEASURES as CAMERA_MEASURES, OFFSETS, YAWS};
 pub use component::{Component, SizeDensity};
 pub use file::{ModelError, Outline, VerifyReport, check_place, load, outline, save, verify};
 pub use first_touch::Damaged;
 pub use footprint::Footprint;
+pub use forest::{Forest, LEAF};
 pub use metadata::{
-    Blend, Calibration, CameraCalibration, CameraSpread, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, Settings,
+    Blend, Calibration, CameraCalibration, CameraSpread, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, NoneCalibration,
+    Settings,
 };
 pub use view_density::{DIRECTIONS, ViewDensities};
 

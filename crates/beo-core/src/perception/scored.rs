@@ -39,6 +39,8 @@ pub(crate) struct Scored {
     pub placement: Option<(Placed, ObjectBox)>,
     /// Its component among those of the model, if resting poses were searched.
     pub resting_pose: Option<usize>,
+    /// Probability that the thing belongs to no class, if the model has learned to tell.
+    pub none_probability: Option<f64>,
 }
 
 impl Scored {
@@ -52,5 +54,6 @@ impl Scored {
         self.samples.clear();
         self.placement = None;
         self.resting_pose = None;
+        self.none_probability = None;
     }
 }

@@ -4,7 +4,8 @@
 //! sizes, places and angles about that, coarse to fine (`camera::refinement`). Without such densities, or by another method, the evidence
 //! scores all steps of yaw at the size that what is visible suggests.
 
-use super::{CameraScores, Cell, KnownPlacement, Placement, Refined, SEEN, ViewFrame, ViewWork, refine};
+use super::scores::log_share;
+use super::{CameraScores, Cell, KnownPlacement, Placement, MeasureScratch, Refined, SEEN, ViewFrame, ViewWork, measure, refine};
 use crate::grid::{Observation, Outside, Placed, Rotation, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;
@@ -44,7 +45,17 @@ pub struct CameraScratch {
     starts: Vec<Cell>,
     refined: Vec<Option<Mode>>,
     modes: Vec<Mode>,
+    measuring: MeasureScratch,
+    measures: Vec<f32>,
+    /// Logarithms of the classes' shares by the forest; empty where none was asked.
+    shares: Vec<f64>,
     weighed: Vec<f64>,
+}
+
+impl CameraScratch {
+    fn log_share(&self, class: usize) -> f64 {
+        self.shares.get(class).copied().unwrap_or(0.0)
+    }
 }
 
 /// Refines modes by the evidence.
@@ -84,8 +95,8 @@ struct Sureness<'a> {
 }
 
 impl Sureness<'_> {
-    fn of_class(&self, score: f64) -> ClassScores {
-        if self.by_density { ClassScores::hull(score) } else { ClassScores::evidence(score) }
+    fn of_class(&self, score: f64, log_share: f64) -> ClassScores {
+        if self.by_density { ClassScores { forest: log_share, ..ClassScores::hull(score) } } else { ClassScores::evidence(score) }
     }
 }
 
@@ -134,6 +145,7 @@ impl CameraSearch<'_> {
         };
         let told = self.told(&frame);
         let sure = self.score_view(seen, &frame, &told, scratch)?;
+        out.none_probability = self.ask_forest(seen, &frame, scratch);
         clock.projected();
 
         let prior = query.rotation_prior.log_density(query.pose);
@@ -152,7 +164,7 @@ impl CameraSearch<'_> {
             let of_class = out.samples.iter().filter(|sample| sample.class == class).map(|sample| sample.log_density);
             let score = log_sum_exp(of_class) / sure.pose_weight;
             out.scores.push(score);
-            out.posterior.push(sure.blend.log_posterior(class, sure.of_class(score), query.log_prior(class)));
+            out.posterior.push(sure.blend.log_posterior(class, sure.of_class(score, scratch.log_share(class)), query.log_prior(class)));
         }
         softmax(&mut out.posterior);
         let log_prior = |angle: f64, resting: &Rotation| match query.pose {
@@ -168,6 +180,24 @@ impl CameraSearch<'_> {
         out.placement = answered.map(|mode| self.placement(&frame, mode));
         out.resting_pose = answered.filter(|_| !told.upright).map(|mode| mode.cell.component);
         Ok(())
+    }
+
+    /// Whether the forest has a say: it names what cameras see, by the default method.
+    fn asks_forest(&self) -> bool {
+        let has_forest = self.cameras.is_some_and(|(scores, _)| scores.forest().is_some());
+        has_forest && self.query.method == Method::Auto && self.query.camera.is_some()
+    }
+
+    /// Asks the forest: the classes' shares into `scratch.shares`, and the probability that the thing is of none of them.
+    fn ask_forest(&self, seen: &Observation, frame: &ViewFrame, scratch: &mut CameraScratch) -> Option<f64> {
+        let CameraScratch { measuring, measures, shares, .. } = scratch;
+        shares.clear();
+        let (scores, calibration) = self.cameras.filter(|_| self.asks_forest())?;
+        measure(frame, seen, self.query.voxel_size_m, measuring, measures);
+        scores.forest()?.shares(measures, shares);
+        let none = shares.pop()?;
+        shares.iter_mut().for_each(|share| *share = log_share(*share));
+        Some(calibration.none?.probability(none))
     }
 
     /// Yaw, size and place as far as the query says them, in the view's frame.
@@ -200,7 +230,8 @@ impl CameraSearch<'_> {
                     cell.log_prior += size.map_or(0.0, |size| weight * cell.log_size(&size, voxel_m * frame.unit));
                 }
             }
-            return Ok(Sureness { pose_weight: calibration.pose_weight, blend: &calibration.blend, by_density: true });
+            let blend = calibration.with_forest.as_ref().filter(|_| self.asks_forest()).unwrap_or(&calibration.blend);
+            return Ok(Sureness { pose_weight: calibration.pose_weight, blend, by_density: true });
         }
         let blend = self.evidence_blend;
         let (evidence, pool) = (self.evidence, &scratch.evidence);
@@ -237,7 +268,7 @@ impl CameraSearch<'_> {
     /// Weighs the evidence of the likely classes, each as it lies best, into the posterior. Together they stay as likely as the view's
     /// densities made them, and so does each of the others.
     fn weigh_evidence(&self, scratch: &mut CameraScratch, out: &mut Scored) {
-        let CameraScratch { modes, weighed, .. } = scratch;
+        let CameraScratch { modes, weighed, shares, .. } = scratch;
         let Some(together) = self.cameras.and_then(|(_, calibration)| calibration.together.as_ref()) else { return };
         if self.query.method != Method::Auto || self.query.camera.is_none() || modes.is_empty() {
             return;
@@ -246,7 +277,8 @@ impl CameraSearch<'_> {
         weighed.clear();
         weighed.extend(modes.iter().map(|mode| {
             let class = mode.cell.class;
-            let scores = ClassScores { hull: out.scores[class], evidence: mode.log_evidence, distance: 0.0 };
+            let forest = shares.get(class).copied().unwrap_or(0.0);
+            let scores = ClassScores { hull: out.scores[class], evidence: mode.log_evidence, forest, ..ClassScores::default() };
             together.log_posterior(class, scores, self.query.log_prior(class))
         }));
         softmax(weighed);

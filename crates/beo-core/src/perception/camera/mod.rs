@@ -4,14 +4,17 @@
 //! | --- | --- |
 //! | `view_frame` | the frame in which views are compared |
 //! | `scores` | log densities of a view for each class and step of yaw, and where the object then lies |
+//! | `measures` | lengths, widths and surfaces of a view, at the grid's full resolution |
 //! | `refinement` | size, place and yaw refined by the evidence, coarse to fine |
 //! | `camera_search` | class, yaw, size and place by these |
 
 pub(crate) mod camera_search;
+mod measures;
 mod refinement;
 mod scores;
 mod view_frame;
 
+pub(crate) use measures::{MEASURES, MeasureScratch, measure};
 pub(crate) use refinement::{Placement, Refined, refine};
 pub(crate) use scores::{CameraFeatures, CameraScores, Cell, KnownPlacement, Shadow, ViewWork};
 pub(crate) use view_frame::{CELLS, SEEN, ShadowImage, ViewFrame};

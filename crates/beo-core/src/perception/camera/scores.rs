@@ -9,7 +9,7 @@
 
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
 use crate::grid::{Observation, Placed, Rotation};
-use crate::model::{CameraDensities, Component, OFFSETS, SizeDensity, YAWS};
+use crate::model::{CameraDensities, Forest, Component, OFFSETS, SizeDensity, YAWS};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::densities::packed::PackedGaussian;
 use crate::perception::kernels::lanes::dot;
@@ -153,6 +153,22 @@ impl CameraScores {
         Self { features: CameraFeatures::new(&densities.basis, densities.size), densities }
     }
 
+    /// The model's forest, if it has one.
+    pub fn forest(&self) -> Option<&Forest> {
+        self.densities.forest.as_ref()
+    }
+
+    /// Logarithms of the classes' shares by the forest, from what a view measures; empty without a forest.
+    pub fn log_shares(&self, measures: &[f32]) -> Vec<f64> {
+        let mut shares = Vec::new();
+        if let Some(forest) = self.forest() {
+            forest.shares(measures, &mut shares);
+            shares.pop();
+            shares.iter_mut().for_each(|share| *share = log_share(*share));
+        }
+        shares
+    }
+
     /// What the classes are mixtures of.
     pub fn components(&self) -> &[Component] {
         &self.densities.components
@@ -237,6 +253,11 @@ impl KnownPlacement {
         let place = |axis: usize| self.place.map(|place| place[axis]);
         [rest, self.scale.map(f64::ln), place(0), place(1), place(2), None, None, None]
     }
+}
+
+/// The logarithm of a share, which counts as one in a thousand at least: a class that no tree names is not impossible.
+pub fn log_share(share: f64) -> f64 {
+    (share + 1e-3).ln()
 }
 
 /// An angle in [−π, π).

@@ -123,6 +123,16 @@ impl ViewFrame {
         Some(Self { azimuth, elevation, origin, unit, half: (high - low) / (2.0 * unit), camera: turn * up / unit })
     }
 
+    /// Half of the box about what is seen along the frame's axes, in voxels of the grid.
+    pub fn half_voxels(&self) -> Vector3<f64> {
+        self.half * self.unit
+    }
+
+    /// A voxel's middle (voxels from the grid's centre) along the frame's axes, in voxels from the origin.
+    pub fn along_axes(&self, at: &Vector3<f64>) -> Vector3<f64> {
+        yaw(-self.azimuth) * (at - self.origin)
+    }
+
     /// Averages over the cells of the shadow of what is seen: filled voxels and what they hide from the camera; C order, z fastest. What
     /// lies below the box is no part of it.
     ///

@@ -23,7 +23,7 @@ impl Scores {
     /// Those of one class.
     fn of_class(&self, class: usize) -> ClassScores {
         let score = |values: &Vec<f64>| values.get(class).copied().unwrap_or(0.0);
-        ClassScores { hull: score(&self.hull), evidence: score(&self.evidence), distance: score(&self.distance) }
+        ClassScores { hull: score(&self.hull), evidence: score(&self.evidence), distance: score(&self.distance), forest: 0.0 }
     }
 }
 
@@ -36,6 +36,8 @@ pub struct ClassScores {
     pub evidence: f64,
     /// Negative squared distance to the class mean.
     pub distance: f64,
+    /// Logarithm of the forest's share.
+    pub forest: f64,
 }
 
 impl ClassScores {
@@ -59,7 +61,13 @@ impl Blend {
     /// Log posterior of a class, up to a constant that is common to all. A score that has no weight does not count, even if it is −∞.
     pub(crate) fn log_posterior(&self, class: usize, scores: ClassScores, log_prior: f64) -> f64 {
         let mut sum = self.offsets.get(class).copied().unwrap_or(0.0) + log_prior;
-        for (weight, score) in [(self.hull, scores.hull), (self.evidence, scores.evidence), (self.distance, scores.distance)] {
+        let weighed = [
+            (self.hull, scores.hull),
+            (self.evidence, scores.evidence),
+            (self.distance, scores.distance),
+            (self.forest, scores.forest),
+        ];
+        for (weight, score) in weighed {
             if weight != 0.0 {
                 sum += weight * score;
             }
@@ -82,7 +90,7 @@ mod tests {
 
     #[test]
     fn posterior_weighs_scores_offsets_and_prior() {
-        let blend = Blend { hull: 0.5, evidence: 0.0, distance: 0.0, offsets: vec![0.0, 1.0] };
+        let blend = Blend { hull: 0.5, offsets: vec![0.0, 1.0], ..Blend::default() };
         let scores = Scores { hull: vec![-1000.0, -1004.0], ..Scores::default() };
         let mut out = Vec::new();
         blend.posterior(&scores, &[], &mut out);
@@ -93,8 +101,8 @@ mod tests {
 
     #[test]
     fn a_score_without_weight_does_not_count_even_if_it_is_infinite() {
-        let blend = Blend { hull: 0.0, evidence: 1.0, distance: 0.0, offsets: vec![0.25] };
-        let scores = ClassScores { hull: f64::NEG_INFINITY, evidence: 2.0, distance: 0.0 };
+        let blend = Blend { evidence: 1.0, offsets: vec![0.25], ..Blend::default() };
+        let scores = ClassScores { hull: f64::NEG_INFINITY, evidence: 2.0, ..ClassScores::default() };
         assert_eq!(blend.log_posterior(0, scores, -1.0), 1.25);
     }
 }

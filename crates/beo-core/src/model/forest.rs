@@ -1,0 +1,117 @@
+//! A forest of decision trees (Breiman 2001) on what a view of a camera measures: shares of the classes, and of none of them.
+
+use half::f16;
+
+/// The input of a node that is a leaf.
+pub const LEAF: u8 = u8::MAX;
+
+/// Decision trees, one after the other in the same arrays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Forest {
+    /// Number of inputs, at most 255.
+    pub inputs: usize,
+    /// Number of outcomes.
+    pub outcomes: usize,
+    /// The first node of each tree.
+    pub roots: Vec<u32>,
+    /// Which input each node asks for; [`LEAF`] for a leaf.
+    pub asks: Vec<u8>,
+    /// At most this value goes to the first child, more to the second; of a leaf 0.
+    pub thresholds: Vec<f32>,
+    /// The first child, which the second follows; of a leaf its row of `shares`. Children stand after their parents.
+    pub next: Vec<u32>,
+    /// Shares of the outcomes among the samples of each leaf, one row per leaf.
+    pub shares: Vec<f16>,
+}
+
+impl Forest {
+    /// The mean over the trees of the shares of the outcomes, into `out`. A missing input (not a number) goes to the second child.
+    pub fn shares(&self, inputs: &[f32], out: &mut Vec<f64>) {
+        out.clear();
+        out.resize(self.outcomes, 0.0);
+        for root in &self.roots {
+            let mut node = *root as usize;
+            while self.asks[node] != LEAF {
+                let goes_first = inputs[usize::from(self.asks[node])] <= self.thresholds[node];
+                node = self.next[node] as usize + usize::from(!goes_first);
+            }
+            let row = &self.shares[self.next[node] as usize * self.outcomes..][..self.outcomes];
+            out.iter_mut().zip(row).for_each(|(sum, share)| *sum += f64::from(share.to_f32()));
+        }
+        let count = self.roots.len().max(1) as f64;
+        out.iter_mut().for_each(|sum| *sum /= count);
+    }
+
+    /// Why the forest cannot be used; `None` where it can. Walks of a sound forest end, within its arrays.
+    pub fn fault(&self) -> Option<&'static str> {
+        let nodes = self.asks.len();
+        if self.inputs == 0 || self.inputs > usize::from(LEAF) || self.outcomes == 0 || self.roots.is_empty() {
+            return Some("has no inputs, outcomes or trees");
+        }
+        if self.thresholds.len() != nodes || self.next.len() != nodes || self.shares.len() % self.outcomes != 0 {
+            return Some("has arrays of different lengths");
+        }
+        if self.roots.iter().any(|root| *root as usize >= nodes) {
+            return Some("has a tree without nodes");
+        }
+        let leaves = self.shares.len() / self.outcomes;
+        for node in 0..nodes {
+            let (ask, next) = (self.asks[node], self.next[node] as usize);
+            let sound = match ask {
+                LEAF => next < leaves,
+                ask => usize::from(ask) < self.inputs && next > node && next + 1 < nodes && self.thresholds[node].is_finite(),
+            };
+            if !sound {
+                return Some("has a node that asks for or leads to what is not there");
+            }
+        }
+        let is_share = |share: &f16| (0.0..=1.0).contains(&share.to_f32());
+        (!self.shares.iter().all(is_share)).then_some("has shares that are not between 0 and 1")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two trees: a stump on input 1 at 0.5, and a single leaf.
+    fn forest() -> Forest {
+        Forest {
+            inputs: 2,
+            outcomes: 2,
+            roots: vec![0, 3],
+            asks: vec![1, LEAF, LEAF, LEAF],
+            thresholds: vec![0.5, 0.0, 0.0, 0.0],
+            next: vec![1, 0, 1, 2],
+            shares: [1.0, 0.0, 0.0, 1.0, 0.5, 0.5].map(f16::from_f32).to_vec(),
+        }
+    }
+
+    #[test]
+    fn shares_are_means_over_the_trees_and_what_is_missing_goes_to_the_second_child() {
+        let mut out = Vec::new();
+        for (value, expected) in [(0.5, [0.75, 0.25]), (0.51, [0.25, 0.75]), (f32::NAN, [0.25, 0.75])] {
+            forest().shares(&[9.0, value], &mut out);
+            assert_eq!(out, expected);
+        }
+    }
+
+    #[test]
+    fn forests_that_would_be_left_or_never_be_left_are_not_sound() {
+        assert_eq!(forest().fault(), None);
+        let broken: [fn(&mut Forest); 7] = [
+            |f| f.next[0] = 0,
+            |f| f.next[0] = 3,
+            |f| f.next[1] = 3,
+            |f| f.asks[0] = 2,
+            |f| f.roots[1] = 4,
+            |f| f.shares[0] = f16::NAN,
+            |f| f.thresholds[0] = f32::NAN,
+        ];
+        for break_it in broken {
+            let mut forest = forest();
+            break_it(&mut forest);
+            assert!(forest.fault().is_some(), "{forest:?}");
+        }
+    }
+}
