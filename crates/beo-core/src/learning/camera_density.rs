@@ -27,7 +27,7 @@ const FEW_COMPONENTS: usize = 12;
 /// Views from which the features are learned.
 const FEATURE_VIEWS: (usize, usize) = (300, 2000);
 /// Views per component, elevation and step of yaw: about one per shape, within the bounds; half as many for the calibration.
-const VIEW_BOUNDS: [(usize, usize); 2] = [(50, 90), (40, 50)];
+const VIEW_BOUNDS: [(usize, usize); 2] = [(50, 90), (32, 40)];
 /// As many times as many of what looks the same from all sides, for all steps of yaw at once.
 const ROUND_VIEWS: usize = 3;
 /// The yaw of a view is uniform within so many steps about its own, and its elevation within so much of the distance to the next.

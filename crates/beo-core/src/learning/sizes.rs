@@ -5,7 +5,7 @@ use crate::model::SizeDensity;
 use nalgebra::{Matrix3, Vector3};
 
 /// Most kinds of a class, and fewest shapes of one.
-const MOST_KINDS: usize = 5;
+const MOST_KINDS: usize = 3;
 const FEWEST_SHAPES: usize = 20;
 /// Least standard deviation of the logarithm of a length: sizes that are sold elsewhere differ at least by so much.
 const LEAST_DEVIATION: f64 = 0.06;
