@@ -6,7 +6,7 @@ use super::{failure::cannot_write, progress};
 use beo_core::grid::{Dims, View};
 use beo_core::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
 use beo_core::memory::{self, Available};
-use beo_core::model::{MOST_COMPONENTS, check_place, levels_of, save};
+use beo_core::model::{LEVELS, MOST_COMPONENTS, check_place, levels_of, save};
 use beo_core::simulation::{Sensing, SensorKind};
 use beo_shapes::library::LoadOptions;
 use beo_shapes::{UNITS_FILE, Units};
@@ -15,6 +15,9 @@ use half::f16;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+/// How many times finer than the model's the grids are whose shapes cameras see.
+const FINER: usize = 2;
 
 /// Learn a model from a folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder, or as ShapeNet and YCB lay
 /// them out
@@ -266,7 +269,10 @@ impl Train {
             true => elevations(&self.elevations)?,
             false => Vec::new(),
         };
-        let read = self.shaping.read_options(dims)?;
+        let mut read = self.shaping.read_options(dims)?;
+        // Cameras see shapes on finer grids: of few voxels, a slender cylinder looks like a box.
+        let finest = <[usize; 3]>::from(dims).into_iter().fold(0, usize::max) * FINER;
+        read.finer = (!camera_elevations_deg.is_empty() && finest <= LEVELS[1]).then_some(FINER);
         if self.out.is_dir() {
             return usage(format!("--out {}: this is a folder; name a file, such as model.safetensors", self.out.display()));
         }

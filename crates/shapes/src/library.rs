@@ -458,14 +458,15 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
     };
     let metres = options.units.metres();
     let mut lengths_m: Vec<Option<[f64; 3]>> = Vec::new();
+    let mut finer: Vec<Option<Occupancy>> = Vec::new();
     // The first shape of each class that has given voxels, and a given size where sizes are learned.
     let mut seen: HashMap<(Occupancy, i64), Vec<usize>> = HashMap::new();
     for (file, object) in library.files.iter().zip(objects) {
         let skip = |reason| Skipped { file: file.relative.clone(), reason };
-        let (object, lengths, notes) = match object {
+        let (object, lengths, notes, fine) = match object {
             Ok(reading) => {
                 let lengths = reading.lengths.zip(metres).map(|(lengths, metres)| lengths.map(|length| length * metres));
-                (reading.object, lengths, reading.notes)
+                (reading.object, lengths, reading.notes, reading.fine)
             }
             Err(error) => {
                 loaded.skipped.push(skip(SkipReason::Unreadable(error)));
@@ -491,11 +492,13 @@ pub fn load(library: &Library, options: &LoadOptions, progress: impl Fn(usize) +
             twins.push(loaded.set.shapes.len());
         }
         lengths_m.push(lengths);
+        finer.push(fine);
         loaded.notes.extend(notes.into_iter().map(|note| (file.relative.clone(), note)));
         loaded.set.shapes.push(Shape { object, class: file.class, file: file.relative.clone() });
     }
 
     loaded.set.lengths_m = lengths_m.into_iter().collect::<Option<Vec<_>>>().filter(|_| metres.is_some());
+    loaded.set.fine = finer.into_iter().collect();
     for (class, name) in library.classes.iter().enumerate() {
         let usable = loaded.set.shapes.iter().filter(|s| s.class == class).count();
         if usable < options.minimum {

@@ -72,6 +72,8 @@ pub struct ReadOptions {
     pub resample: bool,
     /// Whether point clouds are read, as the voxels that hold a point. They are refused otherwise.
     pub point_clouds: bool,
+    /// How many times finer meshes are voxelised once more, for what cameras see of them; none for not at all.
+    pub finer: Option<usize>,
 }
 
 impl ReadOptions {
@@ -79,7 +81,18 @@ impl ReadOptions {
     /// clouds are read, voxel files of other sizes are not.
     pub fn new(dims: Dims) -> Self {
         let placing = Placing::LongestSide(longest_side(dims));
-        Self { dims, placing, up: None, close: Close::Not, resample: false, point_clouds: true }
+        Self { dims, placing, up: None, close: Close::Not, resample: false, point_clouds: true, finer: None }
+    }
+
+    /// The same on a grid that is finer as often as asked for; `None` where it is not, or the grid would be too large.
+    fn finer(self) -> Option<Self> {
+        let factor = self.finer?;
+        let [x, y, z] = <[usize; 3]>::from(self.dims).map(|side| side * factor);
+        let placing = match self.placing {
+            Placing::LongestSide(longest) => Placing::LongestSide(longest * factor),
+            Placing::UnitCube => Placing::UnitCube,
+        };
+        Some(Self { dims: Dims::new(x, y, z).ok()?, placing, finer: None, ..self })
     }
 
     /// For meshes that `beo align` has placed.
@@ -195,6 +208,8 @@ pub struct Reading {
     /// Its lengths along the axes in the unit of the file: of meshes and point clouds those of their box, of binvox files by the header's
     /// `scale`; `None` for what has no unit.
     pub lengths: Option<[f64; 3]>,
+    /// A mesh once more on the finer grid that was asked for.
+    pub fine: Option<Occupancy>,
 }
 
 /// Reads a file without voxelising, its axes as in the file; the buffers of a glTF document are read from its folder.
@@ -239,6 +254,7 @@ pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, R
     let up = options.up.unwrap_or_else(|| usual_up(path));
     let content = content.turned_up(up);
     let lengths = lengths_of(&content, scale, options);
+    let mut fine = None;
     let object = match content {
         Content::Voxels(object) if object.dims() == options.dims => object,
         Content::Voxels(object) if options.resample => {
@@ -251,6 +267,7 @@ pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, R
         Content::Mesh(mesh) => {
             let (object, note) = solid(&mesh, options);
             notes.extend(note);
+            fine = options.finer().map(|finer| solid(&mesh, &finer).0);
             object
         }
         Content::Points(_) if options.close == Close::Holes => return Err(ReadError::NoSurface { path: path.into() }),
@@ -266,7 +283,7 @@ pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, R
         }
         Content::Points(cloud) => return Err(ReadError::PointCloud { path: path.into(), points: cloud.points().len() }),
     };
-    Ok(Reading { object, notes, lengths })
+    Ok(Reading { object, notes, lengths, fine })
 }
 
 /// The lengths of what was read, in the unit of its file; aligned shapes have been scaled to one cube and have none.
