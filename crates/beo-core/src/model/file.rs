@@ -1,6 +1,7 @@
 //! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
 
 use super::camera_density::CELLS;
+use super::container::{self, Container, Dtype, Tensor};
 use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::{
     Basis, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model,
@@ -11,10 +12,10 @@ use crate::grid::{Dims, Pooling};
 use crate::text::printable;
 use half::f16;
 use memmap2::Mmap;
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -106,26 +107,31 @@ fn unpack(triangles: &[f32], size: usize) -> Vec<f32> {
 pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let io = |source| ModelError::Io { path: path.to_owned(), source };
     let partial = path.with_extension("partial");
-    // Made here first for its permissions: those of any new file, whereas the writer would make it readable for one user only.
-    let permissions = File::create(&partial).and_then(|file| file.metadata()).map_err(io)?.permissions();
-    if let Err(error) = with_tensors(model, |tensors, header| safetensors::serialize_to_file(tensors, Some(header), &partial)) {
+    let written = File::create(&partial).and_then(|file| {
+        let mut out = BufWriter::with_capacity(1 << 20, file);
+        write(model, &mut out)?;
+        out.into_inner().map_err(std::io::IntoInnerError::into_error)
+    });
+    if let Err(error) = written.and_then(|_| std::fs::rename(&partial, path)) {
         let _ = std::fs::remove_file(&partial);
-        return Err(io(std::io::Error::other(error)));
+        return Err(io(error));
     }
-    std::fs::set_permissions(&partial, permissions).and_then(|()| std::fs::rename(&partial, path)).map_err(io)
+    Ok(())
 }
 
 /// A level of a model: the bytes of a whole model file.
 fn level_bytes(level: &Model) -> Vec<u8> {
-    with_tensors(level, |tensors, header| safetensors::serialize(tensors, Some(header)).expect("names and shapes are sound"))
+    let mut bytes = Vec::new();
+    write(level, &mut bytes).expect("there is memory");
+    bytes
 }
 
 fn level_name(dims: Dims) -> String {
     format!("level_{}", <[usize; 3]>::from(dims).into_iter().fold(0, usize::max))
 }
 
-/// Calls `write` with a model's tensors and the description for the header.
-fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>)>, HashMap<String, String>) -> R) -> R {
+/// Writes a model's tensors, and its description into the header.
+fn write(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let (classes, rank) = (model.classes.len(), model.rank());
     let stack = |part: fn(&ClassModel) -> &[f32]| -> Vec<f32> { model.classes.iter().flat_map(|c| part(c).iter().copied()).collect() };
     let mut floats: Vec<(String, Vec<usize>, Vec<f32>)> = vec![
@@ -194,12 +200,9 @@ fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>
         tensors.iter().map(|(name, dtype, shape, bytes)| (name.clone(), (dtype.to_string(), shape.clone(), bytes.len()))).collect();
     let checksum = header_checksum(&model.metadata, &checksums, &table);
     let header = Header { metadata: model.metadata.clone(), checksums, checksum };
-    let header = HashMap::from([(KEY.to_string(), serde_json::to_string(&header).expect("plain data"))]);
-
-    let tensors = tensors.into_iter().map(|(name, dtype, shape, bytes)| {
-        (name, TensorView::new(dtype, shape, bytes).expect("the shapes were computed from the lengths"))
-    });
-    write(tensors.collect(), header)
+    let header = serde_json::to_string(&header).expect("plain data");
+    let tensors = tensors.into_iter().map(|(name, dtype, shape, data)| (name, Tensor { dtype, shape, data })).collect();
+    container::write(tensors, [KEY, &header], out)
 }
 
 /// Outcome of a full check of a file.
@@ -218,8 +221,8 @@ pub fn verify(path: &Path) -> Result<VerifyReport, ModelError> {
     let mut bytes = 0;
     for name in file.header.checksums.keys() {
         let tensor = file.tensor(&tensors, name)?;
-        file.check(name, tensor.data())?;
-        bytes += tensor.data().len();
+        file.check(name, tensor.data)?;
+        bytes += tensor.data.len();
     }
     Ok(VerifyReport { tensors: file.header.checksums.len(), bytes })
 }
@@ -257,7 +260,7 @@ fn outline_of(file: Opened) -> Result<Outline, ModelError> {
     let rank = file.rank(&tensors)?;
     let level = |dims| {
         let tensor = file.tensor(&tensors, &level_name(dims))?;
-        outline_of(Opened::within(&file.path, file.map.clone(), file.range(tensor.data()))?)
+        outline_of(Opened::within(&file.path, file.map.clone(), file.range(tensor.data))?)
     };
     let levels = levels_in(&file.header.metadata).into_iter().map(level).collect::<Result<_, ModelError>>()?;
     let basis_bytes = (file.header.metadata.dims.voxels() * rank * size_of::<f16>()) as u64;
@@ -294,14 +297,14 @@ fn read(file: &Opened) -> Result<Model, ModelError> {
     let searched = file.searched(&tensors, metadata, rank)?;
     let in_place = !matches!(searched, Searched::Here { .. } | Searched::KnownPoseOnly { footprint: None });
     let first_touch = match in_place {
-        _ if basis.data().len() < CHECKED_AT_LOAD => {
-            file.check("basis", basis.data())?;
+        _ if basis.data.len() < CHECKED_AT_LOAD => {
+            file.check("basis", basis.data)?;
             None
         }
-        true => Some(FirstTouch::new(file.words(&tensors, "basis_pieces", &[basis.data().len().div_ceil(PIECE)])?)),
+        true => Some(FirstTouch::new(file.words(&tensors, "basis_pieces", &[basis.data.len().div_ceil(PIECE)])?)),
         false => None,
     };
-    let basis = Basis::mapped(rank, file.map.clone(), file.range(basis.data()), first_touch);
+    let basis = Basis::mapped(rank, file.map.clone(), file.range(basis.data), first_touch);
 
     let mean = file.floats(&tensors, "class_mean", &[m, rank])?;
     let covariance = file.symmetric(&tensors, "class_covariance", m, rank)?;
@@ -442,8 +445,8 @@ impl Opened {
     /// The model that lies in these bytes of a mapped file.
     fn within(path: &Path, map: Arc<Mmap>, within: Range<usize>) -> Result<Self, ModelError> {
         let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: printable(&reason) };
-        let (_, info) = SafeTensors::read_metadata(&map[within.clone()]).map_err(|e| invalid(format!("{e}")))?;
-        let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
+        let container = Container::read(&map[within.clone()]).map_err(|e| invalid(e.to_string()))?;
+        let text = container.text(KEY).ok_or_else(|| invalid("it has no description by beo".into()))?;
         let value: serde_json::Value = serde_json::from_str(text).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
         match value["metadata"]["format_version"].as_u64() {
             Some(version) if version == u64::from(FORMAT_VERSION) => {}
@@ -452,14 +455,11 @@ impl Opened {
         }
         let header: Header = serde_json::from_value(value).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
         // A flipped bit can leave every value as it was, in another spelling (`1E-5`), which the checksum of the values does not see.
-        if serde_json::to_string(&header).expect("plain data") != *text {
+        if serde_json::to_string(&header).expect("plain data") != text {
             return Err(invalid("its description is not spelled as it was written".into()));
         }
-        let table: Table = info
-            .tensors()
-            .into_iter()
-            .map(|(name, t)| (name, (t.dtype.to_string(), t.shape.clone(), t.data_offsets.1 - t.data_offsets.0)))
-            .collect();
+        let entry = |(name, dtype, shape, bytes): (&str, Dtype, &[usize], usize)| (name.into(), (dtype.to_string(), shape.into(), bytes));
+        let table: Table = container.tensors().map(entry).collect();
         if header_checksum(&header.metadata, &header.checksums, &table) != header.checksum {
             return Err(invalid("its header does not match its checksum".into()));
         }
@@ -473,15 +473,15 @@ impl Opened {
     }
 
     /// The models on smaller grids.
-    fn levels(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Vec<Model>, ModelError> {
+    fn levels(&self, tensors: &Container<'_>, metadata: &Metadata) -> Result<Vec<Model>, ModelError> {
         let level = |dims| {
             let name = level_name(dims);
             let tensor = self.tensor(tensors, &name)?;
-            self.check(&name, tensor.data())?;
-            if !(tensor.data().as_ptr() as usize).is_multiple_of(align_of::<f16>()) {
+            self.check(&name, tensor.data)?;
+            if !(tensor.data.as_ptr() as usize).is_multiple_of(align_of::<f16>()) {
                 return Err(self.invalid(format!("tensor `{name}` does not lie at an even address")));
             }
-            let level = read(&Self::within(&self.path, self.map.clone(), self.range(tensor.data()))?)?;
+            let level = read(&Self::within(&self.path, self.map.clone(), self.range(tensor.data))?)?;
             let names = |m: &Metadata| m.classes.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
             if level.dims() != dims || names(&level.metadata) != names(metadata) {
                 return Err(self.invalid(format!("tensor `{name}` is a model of other shapes")));
@@ -492,7 +492,7 @@ impl Opened {
     }
 
     /// With what the model is searched: its settings say whether at all, and its dims on which grids.
-    fn searched(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Searched, ModelError> {
+    fn searched(&self, tensors: &Container<'_>, metadata: &Metadata, rank: usize) -> Result<Searched, ModelError> {
         let is_large = !levels_of(metadata.dims).is_empty();
         match (metadata.settings.poses, is_large) {
             (true, false) => {
@@ -511,7 +511,7 @@ impl Opened {
         }
     }
 
-    fn footprint(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Footprint, ModelError> {
+    fn footprint(&self, tensors: &Container<'_>, metadata: &Metadata, rank: usize) -> Result<Footprint, ModelError> {
         let voxels = metadata.dims.voxels();
         let bytes = self.small(tensors, "basis_footprint", Dtype::U8, &[Footprint::length(voxels)])?;
         let gram = self.doubles(tensors, "basis_gram", &[packed(rank + 1)])?;
@@ -521,14 +521,14 @@ impl Opened {
         Ok(Footprint { voxels: Footprint::bits(voxels, &bytes), gram })
     }
 
-    fn words(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<u32>, ModelError> {
+    fn words(&self, tensors: &Container<'_>, name: &str, shape: &[usize]) -> Result<Vec<u32>, ModelError> {
         Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::U32, shape)?))
     }
 
     /// Number of columns of the basis, after the description and the basis have been checked against each other.
-    fn rank(&self, tensors: &SafeTensors<'_>) -> Result<usize, ModelError> {
+    fn rank(&self, tensors: &Container<'_>) -> Result<usize, ModelError> {
         let basis = self.tensor(tensors, "basis")?;
-        let rank = basis.shape().get(1).copied().unwrap_or(0);
+        let rank = basis.shape.get(1).copied().unwrap_or(0);
         if self.header.metadata.classes.is_empty() || rank == 0 {
             return Err(self.invalid("it has no class or no basis"));
         }
@@ -541,19 +541,19 @@ impl Opened {
         ModelError::Invalid { path: self.path.clone(), reason: printable(&reason.into()) }
     }
 
-    fn tensors(&self) -> Result<SafeTensors<'_>, ModelError> {
-        SafeTensors::deserialize(&self.map[self.within.clone()]).map_err(|e| self.invalid(e.to_string()))
+    fn tensors(&self) -> Result<Container<'_>, ModelError> {
+        Container::read(&self.map[self.within.clone()]).map_err(|e| self.invalid(e.to_string()))
     }
 
-    fn tensor<'a>(&self, tensors: &SafeTensors<'a>, name: &str) -> Result<TensorView<'a>, ModelError> {
-        tensors.tensor(name).map_err(|_| self.invalid(format!("tensor `{name}` is missing")))
+    fn tensor<'a>(&self, tensors: &Container<'a>, name: &str) -> Result<Tensor<'a>, ModelError> {
+        tensors.tensor(name).ok_or_else(|| self.invalid(format!("tensor `{name}` is missing")))
     }
 
-    fn expect(&self, tensor: &TensorView<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), ModelError> {
-        if tensor.dtype() == dtype && tensor.shape() == shape {
+    fn expect(&self, tensor: &Tensor<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), ModelError> {
+        if tensor.dtype == dtype && tensor.shape == shape {
             return Ok(());
         }
-        Err(self.invalid(format!("tensor `{name}` is {} {:?} where {dtype} {shape:?} was expected", tensor.dtype(), tensor.shape())))
+        Err(self.invalid(format!("tensor `{name}` is {} {:?} where {dtype} {shape:?} was expected", tensor.dtype, tensor.shape)))
     }
 
     fn check(&self, name: &str, bytes: &[u8]) -> Result<(), ModelError> {
@@ -563,27 +563,27 @@ impl Opened {
         Err(self.invalid(format!("tensor `{name}` does not match its checksum")))
     }
 
-    fn small(&self, tensors: &SafeTensors<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<u8>, ModelError> {
+    fn small(&self, tensors: &Container<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<u8>, ModelError> {
         let tensor = self.tensor(tensors, name)?;
         self.expect(&tensor, name, dtype, shape)?;
-        self.check(name, tensor.data())?;
-        Ok(tensor.data().to_vec())
+        self.check(name, tensor.data)?;
+        Ok(tensor.data.to_vec())
     }
 
-    fn floats(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
+    fn floats(&self, tensors: &Container<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
         Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F32, shape)?))
     }
 
     /// Symmetric matrices that are stored as lower triangles, `count` of `size` × `size`.
-    fn symmetric(&self, tensors: &SafeTensors<'_>, name: &str, count: usize, size: usize) -> Result<Vec<f32>, ModelError> {
+    fn symmetric(&self, tensors: &Container<'_>, name: &str, count: usize, size: usize) -> Result<Vec<f32>, ModelError> {
         Ok(unpack(&self.floats(tensors, name, &[count, packed(size)])?, size))
     }
 
-    fn doubles(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelError> {
+    fn doubles(&self, tensors: &Container<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelError> {
         Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F64, shape)?))
     }
 
-    fn halves(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f16>, ModelError> {
+    fn halves(&self, tensors: &Container<'_>, name: &str, shape: &[usize]) -> Result<Vec<f16>, ModelError> {
         let values: Vec<f16> = bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F16, shape)?);
         if values.iter().all(|v| v.is_finite()) {
             return Ok(values);
@@ -591,9 +591,9 @@ impl Opened {
         Err(self.invalid(format!("tensor `{name}` holds a value that is not a number")))
     }
 
-    fn view_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<ViewDensities, ModelError> {
+    fn view_densities(&self, tensors: &Container<'_>, metadata: &Metadata) -> Result<ViewDensities, ModelError> {
         let (m, cells) = (metadata.classes.len(), Pooling::new(metadata.dims).count());
-        let size = self.tensor(tensors, "view_basis")?.shape().get(1).copied().unwrap_or(0);
+        let size = self.tensor(tensors, "view_basis")?.shape.get(1).copied().unwrap_or(0);
         if size == 0 || size > cells {
             return Err(self.invalid(format!("tensor `view_basis` has {size} columns where 1 to {cells} were expected")));
         }
@@ -609,12 +609,12 @@ impl Opened {
         Ok(densities)
     }
 
-    fn camera_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Option<CameraDensities>, ModelError> {
+    fn camera_densities(&self, tensors: &Container<'_>, metadata: &Metadata) -> Result<Option<CameraDensities>, ModelError> {
         let elevations = &metadata.settings.camera_elevations_deg;
         if elevations.is_empty() {
             return Ok(None);
         }
-        let size = self.tensor(tensors, "camera_basis")?.shape().get(1).copied().unwrap_or(0);
+        let size = self.tensor(tensors, "camera_basis")?.shape.get(1).copied().unwrap_or(0);
         if size == 0 || size > CELLS {
             return Err(self.invalid(format!("tensor `camera_basis` has {size} columns where 1 to {CELLS} were expected")));
         }
