@@ -1,4 +1,4 @@
-//! What a view from above shows: the highest filled voxel of every column.
+//! Height map of a view from above: the highest filled voxel of every column.
 
 use super::{Dims, Observation, for_each_column_source};
 
@@ -43,7 +43,7 @@ impl HeightMap {
         &self.tops
     }
 
-    /// The same, to be written.
+    /// The values of [`Self::tops`], to be written.
     pub fn tops_mut(&mut self) -> &mut [u16] {
         &mut self.tops
     }

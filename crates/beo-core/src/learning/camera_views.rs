@@ -37,7 +37,7 @@ pub struct ClassShapes<'a> {
 pub struct Views<'a> {
     /// Elevations of cameras, radians, ascending.
     pub elevations: &'a [f64],
-    /// What sensors and masks get wrong.
+    /// Faults of sensors and masks.
     pub sensing: Sensing,
     /// Whether objects lie as well as stand.
     pub lying: bool,
@@ -61,7 +61,7 @@ pub struct AtRest {
 
 /// A component and the shapes that are of it.
 pub struct Part {
-    /// What the model keeps of it.
+    /// The component, as the model keeps it.
     pub component: Component,
     /// Its shapes.
     pub shapes: Vec<AtRest>,
@@ -143,7 +143,7 @@ pub struct Sample {
     pub camera: Vector3<f64>,
     /// The view's frame.
     pub frame: ViewFrame,
-    /// What is seen.
+    /// The observation.
     pub observation: Observation,
     /// How the shape's canonical grid truly lies.
     pub placed: Placed,

@@ -1,4 +1,4 @@
-//! What real depth sensors and masks of real scenes get wrong, by kind of sensor, drawn at random for each view.
+//! Faults of real depth sensors and of masks of real scenes, by kind of sensor, drawn at random for each view.
 //!
 //! | failure | where it comes from |
 //! | --- | --- |

@@ -117,7 +117,7 @@ impl SharedRows {
         outcome
     }
 
-    /// The same of an observation as it looks turned into the object's frame. Of voxels outside the footprint, which no class says
+    /// Sums over an observation as it looks turned into the object's frame. Of voxels outside the footprint, which no class says
     /// anything about, nothing is counted: evidence is then to be taken relative to the background of the others.
     pub fn sum_turned(&self, seen: &Observation, rotation: &Rotation, outside: Outside, sums: &mut SharedSums) -> Result<(), Damaged> {
         const WORD: usize = usize::BITS as usize;

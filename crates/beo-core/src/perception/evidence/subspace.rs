@@ -198,7 +198,7 @@ impl ClassSubspace {
         }
     }
 
-    /// The same class, without anything derived over voxels: observations are summed by [`SharedRows::sum`] before.
+    /// A class without anything derived over voxels: observations are summed by [`SharedRows::sum`] before.
     pub fn shared(rows: &Arc<SharedRows>, class: &ClassModel) -> Self {
         let (a, k) = (rows.rank(), class.variances.len());
         let entry = |i: usize, h: usize| f64::from(if h < k { class.directions[h * a + i] } else { class.mean[i] });
