@@ -116,6 +116,12 @@ pub enum ReadError {
         /// Its points.
         points: usize,
     },
+    /// A point cloud whose holes are to be closed.
+    #[error("{} is a point cloud: without a surface it has no holes to close; --close hull fills what its points surround", path.display())]
+    NoSurface {
+        /// The file.
+        path: PathBuf,
+    },
     /// An observation without a filled voxel, though some are empty and some unknown.
     #[error(
         "{} holds the values 0 and 255 alone: of an observation these are empty and unknown, and nothing is filled; of a picture's 0 and 255 \
@@ -145,6 +151,7 @@ impl ReadError {
                     | Self::Extension { path, .. }
                     | Self::OtherDims { path, .. }
                     | Self::PointCloud { path, .. }
+                    | Self::NoSurface { path }
                     | Self::NothingFilled { path } => path.display().to_string(),
                     _ => return text,
                 };

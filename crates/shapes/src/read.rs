@@ -233,7 +233,7 @@ pub fn read_shape(path: &Path, options: &ReadOptions) -> Result<Occupancy, ReadE
 ///
 /// # Errors
 /// [`ReadError`]: a file that cannot be opened, of an unknown kind, or malformed; voxels of another size or a point cloud, unless the options
-/// take them.
+/// take them; a point cloud whose holes are to be closed.
 pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, ReadError> {
     let (content, mut notes, scale) = read_noted(path)?;
     let up = options.up.unwrap_or_else(|| usual_up(path));
@@ -253,11 +253,13 @@ pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, R
             notes.extend(note);
             object
         }
+        Content::Points(_) if options.close == Close::Holes => return Err(ReadError::NoSurface { path: path.into() }),
         Content::Points(cloud) if options.point_clouds => {
             notes.push(Note::PointCloud { points: cloud.points().len() });
             let mut object = frame(cloud.bounds(), options).points(&cloud);
             match options.close {
                 Close::Hull => closing::fill_hull(&mut object),
+                // Points that lie close enough enclose an inside without any closing.
                 Close::Holes | Close::Not => fill_inside(&mut object),
             }
             object

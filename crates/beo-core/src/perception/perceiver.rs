@@ -9,7 +9,7 @@ use super::error::PerceiveError;
 use super::evidence::placed::EvidenceModel;
 use super::evidence::placed::EvidenceScratch;
 use super::levels::{Level, LevelScratch, LevelSearch};
-use super::needs::{derived_bytes, is_read_in_place, require, workspace_bytes};
+use super::needs::{derived_bytes, require, workspace_bytes};
 use super::one_grid::{OneGrid, OneGridScratch};
 use super::percept::Percept;
 use super::query::{Method, PoseSearch, Query};
@@ -70,8 +70,8 @@ impl Perceiver {
     pub fn open_within(path: &Path, most: Option<u64>) -> Result<Self, PerceiveError> {
         let outline = outline(path)?;
         let derived = (derived_bytes(&outline) + workspace_bytes(&outline)) as u64;
-        // Pages of a file that is read in place can be given back at any time.
-        let in_place = if is_read_in_place(&outline) { outline.basis_bytes } else { 0 };
+        // Pages of a file that is mapped can be given back at any time.
+        let in_place = if outline.is_mapped() { outline.basis_bytes } else { 0 };
         let needed = outline.bytes().saturating_sub(in_place).saturating_add(derived);
         require(path, needed, memory::available())?;
         if let Some(most) = most
