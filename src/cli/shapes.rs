@@ -70,7 +70,7 @@ impl MeshArguments {
             Some(CloseArgument::Hull) => Close::Hull,
         };
         let (up, resample) = (self.up.map(UpArgument::up), self.resample);
-        Ok(ReadOptions { dims, placing: Placing::LongestSide(longest), up, close, resample, point_clouds: true })
+        Ok(ReadOptions { dims, placing: Placing::LongestSide(longest), up, close, resample, ..ReadOptions::new(dims) })
     }
 
     /// The same for files that are seen as `view` says: an observation is taken as it is, so that no flag may be given.

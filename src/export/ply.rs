@@ -1,10 +1,8 @@
-//! Surfaces and points as PLY, binary little-endian, by `ply-rs-bw`. Positions are single precision, as viewers expect: of a place a
+//! Surfaces and points as PLY, binary little-endian. Positions are single precision, as viewers expect: of a place a
 //! kilometre from the frame's origin a tenth of a millimetre is left.
 
 use super::{Point, Surface, Vertex};
 use beo_core::whole_file::write_whole;
-use ply_rs_bw::ply::{Addable, ElementDef, Encoding, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType};
-use ply_rs_bw::writer::Writer;
 use std::path::{Path, PathBuf};
 
 /// A PLY file could not be written.
@@ -17,96 +15,44 @@ pub struct PlyError {
     source: std::io::Error,
 }
 
-/// The elements of the files.
-enum Element<'a> {
-    Vertex(&'a Vertex),
-    Point(&'a Point),
-    Face(&'a [u32; 3]),
+/// The header up to its vertices: these have single-precision properties, and a colour after them.
+fn header(comment: &str, vertices: usize, floats: &[&str]) -> String {
+    let mut header = format!("ply\nformat binary_little_endian 1.0\ncomment {}\nelement vertex {vertices}\n", one_line(comment));
+    floats.iter().for_each(|name| header += &format!("property float {name}\n"));
+    ["red", "green", "blue"].iter().for_each(|name| header += &format!("property uchar {name}\n"));
+    header
 }
 
-impl PropertyAccess for Element<'_> {
-    /// Only for reading, which is done elsewhere.
-    fn new() -> Self {
-        Self::Face(&[0; 3])
-    }
-
-    fn get_float(&self, name: &str) -> Option<f32> {
-        let (position, vertex) = match self {
-            Self::Vertex(vertex) => (vertex.position_m, Some(vertex)),
-            Self::Point(point) => (point.position_m, None),
-            Self::Face(_) => return None,
-        };
-        match name {
-            "x" => Some(position[0] as f32),
-            "y" => Some(position[1] as f32),
-            "z" => Some(position[2] as f32),
-            "nx" => vertex.map(|v| v.normal[0]),
-            "ny" => vertex.map(|v| v.normal[1]),
-            "nz" => vertex.map(|v| v.normal[2]),
-            "quality" => vertex.map(|v| v.deviation),
-            _ => None,
-        }
-    }
-
-    fn get_uchar(&self, name: &str) -> Option<u8> {
-        let rgb = match self {
-            Self::Vertex(vertex) => vertex.rgb,
-            Self::Point(point) => point.rgb,
-            Self::Face(_) => return None,
-        };
-        ["red", "green", "blue"].iter().position(|channel| *channel == name).map(|channel| rgb[channel])
-    }
-
-    fn get_list_uint(&self, name: &str) -> Option<&[u32]> {
-        match self {
-            Self::Face(corners) if name == "vertex_indices" => Some(corners.as_slice()),
-            _ => None,
-        }
-    }
-}
-
-/// An element of `count` entries with single-precision properties and a colour.
-fn coloured(count: usize, floats: &[&str]) -> ElementDef {
-    let mut vertex = ElementDef::new("vertex".into());
-    vertex.count = count;
-    let mut add = |name: &str, kind| vertex.properties.add(PropertyDef::new(name.into(), PropertyType::Scalar(kind)));
-    floats.iter().for_each(|name| add(name, ScalarType::Float));
-    ["red", "green", "blue"].iter().for_each(|name| add(name, ScalarType::UChar));
-    vertex
-}
-
-fn encode<'a>(comment: &str, elements: Vec<(ElementDef, Vec<Element<'a>>)>) -> Vec<u8> {
-    let mut header = Header::new();
-    header.encoding = Encoding::BinaryLittleEndian;
-    header.comments.push(comment.into());
-    elements.iter().for_each(|(definition, _)| header.elements.add(definition.clone()));
-    let (writer, mut bytes) = (Writer::<Element<'a>>::new(), Vec::new());
-    let written = writer.write_header(&mut bytes, &header).and_then(|_| {
-        elements
-            .iter()
-            .try_for_each(|(definition, entries)| writer.write_payload_of_element(&mut bytes, entries, definition, &header).map(|_| ()))
-    });
-    written.expect("memory takes every byte, and every declared property is there");
-    bytes
+fn push_floats(bytes: &mut Vec<u8>, values: impl IntoIterator<Item = f32>) {
+    values.into_iter().for_each(|value| bytes.extend(value.to_le_bytes()));
 }
 
 /// A surface as PLY: elements `vertex` with x, y, z in metres, nx, ny, nz, quality (the standard deviation of the occupancy) and colour,
 /// and `face` with triangles.
 pub fn ply_of_surface(surface: &Surface, comment: &str) -> Vec<u8> {
-    let vertices = coloured(surface.vertices.len(), &["x", "y", "z", "nx", "ny", "nz", "quality"]);
-    let mut faces = ElementDef::new("face".into());
-    faces.count = surface.triangles.len();
-    faces.properties.add(PropertyDef::new("vertex_indices".into(), PropertyType::List(ScalarType::UChar, ScalarType::UInt)));
-    let elements = vec![
-        (vertices, surface.vertices.iter().map(Element::Vertex).collect()),
-        (faces, surface.triangles.iter().map(Element::Face).collect()),
-    ];
-    encode(&one_line(comment), elements)
+    let Surface { vertices, triangles } = surface;
+    let mut header = header(comment, vertices.len(), &["x", "y", "z", "nx", "ny", "nz", "quality"]);
+    header += &format!("element face {}\nproperty list uchar uint vertex_indices\nend_header\n", triangles.len());
+    let mut bytes = header.into_bytes();
+    for Vertex { position_m, normal, deviation, rgb } in vertices {
+        push_floats(&mut bytes, position_m.map(|side| side as f32).into_iter().chain(*normal).chain([*deviation]));
+        bytes.extend(rgb);
+    }
+    for corners in triangles {
+        bytes.push(corners.len() as u8);
+        corners.iter().for_each(|corner| bytes.extend(corner.to_le_bytes()));
+    }
+    bytes
 }
 
 /// Points as PLY: element `vertex` with x, y, z in metres and colour.
 pub fn ply_of_points(points: &[Point], comment: &str) -> Vec<u8> {
-    encode(&one_line(comment), vec![(coloured(points.len(), &["x", "y", "z"]), points.iter().map(Element::Point).collect())])
+    let mut bytes = (header(comment, points.len(), &["x", "y", "z"]) + "end_header\n").into_bytes();
+    for Point { position_m, rgb } in points {
+        push_floats(&mut bytes, position_m.map(|side| side as f32));
+        bytes.extend(rgb);
+    }
+    bytes
 }
 
 /// The header is ASCII, and a comment ends with its line.

@@ -3,7 +3,7 @@
 use rustix::process::{Resource, getrlimit};
 use std::path::{Path, PathBuf};
 
-/// What may still be taken, and who says so.
+/// Memory that may still be taken, and whose limit it is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Available {
     /// Bytes.
@@ -12,7 +12,7 @@ pub struct Available {
     pub limit: &'static str,
 }
 
-/// What may still be taken; `None` where the system does not say.
+/// Memory that may still be taken; `None` where the system does not say.
 pub fn available() -> Option<Available> {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let machine = machine(&read("/proc/meminfo")).map(|bytes| Available { bytes, limit: "the machine" });
@@ -53,7 +53,7 @@ fn control_groups(text: &str, root: &Path) -> Vec<PathBuf> {
     folders
 }
 
-/// What a group may still take: its limit less what it uses, of which unused pages of files do not count.
+/// Memory that a group may still take: its limit less what it uses, of which unused pages of files do not count.
 fn left_in(folder: &Path) -> Option<u64> {
     let read = |name: &str| std::fs::read_to_string(folder.join(name)).ok();
     let number = |name: &str| read(name)?.trim().parse::<u64>().ok();

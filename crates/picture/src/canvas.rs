@@ -36,7 +36,7 @@ impl Colour {
     pub const Z_AXIS: Self = Self::rgb(40, 90, 220);
     /// The edges of an object's box.
     pub const BOX: Self = Self::rgb(70, 130, 90);
-    /// What was seen, where it is not what a picture is about.
+    /// Observed voxels, where it is not what a picture is about.
     pub const SEEN_ASIDE: Self = Self::rgb(205, 210, 216);
     /// Pixels of a depth image without a reading.
     pub const NO_READING: Self = Self::rgb(176, 178, 182);
@@ -154,7 +154,7 @@ pub enum SaveError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The picture cannot be encoded.
@@ -162,7 +162,7 @@ pub enum SaveError {
     Encode {
         /// The file.
         path: PathBuf,
-        /// What the encoder said.
+        /// Error of the encoder.
         source: png::EncodingError,
     },
 }

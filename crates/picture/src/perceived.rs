@@ -15,12 +15,12 @@ const GAP: usize = 14;
 /// Classes that are shown.
 const CLASSES: usize = 10;
 
-/// What is drawn of one object. Places and lengths are in voxels from the grid's centre along the grid's axes.
+/// One object to be drawn. Places and lengths are in voxels from the grid's centre along the grid's axes.
 #[derive(Clone, Debug)]
 pub struct Perceived<'a> {
     /// Stands above.
     pub title: String,
-    /// What was seen.
+    /// The observation.
     pub observation: &'a Observation,
     /// Probability of being filled of every voxel.
     pub occupancy: &'a [f32],
@@ -217,7 +217,7 @@ fn fitting(text: &str, width: i32) -> String {
     if text.chars().count() <= most { text.into() } else { text.chars().take(most - 2).chain("..".chars()).collect() }
 }
 
-/// What the colours of the deviation mean, in the picture's upper right corner.
+/// Legend of the colours of the deviation, in the picture's upper right corner.
 fn deviation_bar(image: &mut Image) {
     let (right, top, height) = (image.width() as i32 - 10, 14, 90);
     for row in 0..height {

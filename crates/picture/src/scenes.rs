@@ -1,4 +1,4 @@
-//! What the program draws of voxels: shapes, queries, completions, means and modes.
+//! Pictures of voxels: shapes, queries, completions, means and modes.
 
 use super::voxels::{Mark, Scene, draw_scene};
 use super::{Colour, Image, MOST_UNSURE, draw_voxels, viridis};

@@ -221,7 +221,7 @@ impl Projection {
     }
 }
 
-/// What marks have in place of a voxel and face.
+/// Value of marks in place of a voxel and face.
 const MARK: (u32, u8) = (u32::MAX, 0);
 
 /// The picture in the making, several samples per pixel.

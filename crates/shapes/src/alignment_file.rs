@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Its name in the folder of the shapes.
 pub const ALIGNMENT_FILE: &str = "alignment.json";
-/// What it says of itself.
+/// Name of the format in the file.
 const FORMAT: &str = "beo alignment";
 const VERSION: u32 = 1;
 
@@ -41,9 +41,9 @@ pub struct AlignedClass {
 /// How one shape was placed: output = `scale` · `rotation` · input + `translation`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AlignedFile {
-    /// What was read, relative to the folder of the input.
+    /// The file that was read, relative to the folder of the input.
     pub input: String,
-    /// What was written, relative to the folder of this file.
+    /// The file that was written, relative to the folder of this file.
     pub output: String,
     /// Unit quaternion x, y, z, w.
     pub rotation_xyzw: [f64; 4],

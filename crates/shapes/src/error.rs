@@ -1,4 +1,4 @@
-//! What can go wrong while a shape is read: what was wrong, where, and what to do.
+//! Errors of reading shapes: what was wrong, where, and what to do.
 
 use beo_core::grid::{Dims, DimsError, ObservationError};
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ pub enum FormatError {
         format: &'static str,
         /// The first wrong line, counted from 1.
         line: usize,
-        /// What is wrong and what was expected.
+        /// The fault, and what was expected.
         problem: String,
     },
     /// A byte of a binary file is wrong.
@@ -23,7 +23,7 @@ pub enum FormatError {
         format: &'static str,
         /// Where it is, counted from 0.
         byte: usize,
-        /// What is wrong and what was expected.
+        /// The fault, and what was expected.
         problem: String,
     },
     /// The file as a whole is wrong.
@@ -31,7 +31,7 @@ pub enum FormatError {
     File {
         /// Name of the format.
         format: &'static str,
-        /// What is wrong and what was expected.
+        /// The fault, and what was expected.
         problem: String,
     },
     /// The mesh in the file cannot be used.
@@ -51,7 +51,7 @@ pub enum FormatError {
 pub struct AlignmentFileError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong.
+    /// The fault.
     pub problem: String,
 }
 
@@ -63,7 +63,7 @@ pub enum ReadError {
     Open {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The path is not a file: a folder, a pipe, a device.
@@ -95,7 +95,7 @@ pub enum ReadError {
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// The fault, and where it is.
         source: FormatError,
     },
     /// A voxel file has another size than was asked for.

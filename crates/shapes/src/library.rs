@@ -43,7 +43,7 @@ pub struct Library {
     pub placed: bool,
 }
 
-/// What a folder of shapes should look like, for messages.
+/// Layouts of folders of shapes, for messages.
 const LAYOUT: &str = "a folder of shapes looks like DIR/<class>/<split>/<shape>, for example shapes/chair/train/0001.off, \
 or for one class DIR/<shape>, for example pliers/0001.off; folders of ShapeNet (DIR/<synset>/<model>/models/model_normalized.obj) and YCB \
 (DIR/<object>/google_16k/nontextured.ply) are taken as they are";
@@ -56,7 +56,7 @@ pub enum LibraryError {
     List {
         /// The folder.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// There is no folder `<class>/<split>`.
@@ -342,7 +342,7 @@ pub fn scan(root: &Path, splits: &[&str]) -> Result<Library, LibraryError> {
     Ok(library)
 }
 
-/// What to load and what to leave out.
+/// Choice of the shapes to load.
 #[derive(Debug, Clone, Copy)]
 pub struct LoadOptions {
     /// How files become shapes.
@@ -419,7 +419,7 @@ pub struct Shapes {
     /// Pairs of files of different classes that are the same shape (both kept): the earlier, the later. Only looked for where
     /// duplicates are skipped.
     pub shared: Vec<(String, String)>,
-    /// What should be known of files that were kept, in the same order.
+    /// Notes on files that were kept, in the same order.
     pub notes: Vec<(String, Note)>,
 }
 

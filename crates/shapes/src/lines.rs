@@ -30,7 +30,7 @@ impl<'a> Lines<'a> {
         Ok(Self { rest: Some(without_mark(bytes)), number: 0 })
     }
 
-    /// What has not been read, from the start of a line.
+    /// The rest that has not been read, from the start of a line.
     pub fn rest(&self) -> &'a [u8] {
         self.rest.unwrap_or_default()
     }

@@ -63,7 +63,7 @@ impl Units {
         }
     }
 
-    /// What a folder says of its shapes in `units.txt`; [`Units::None`] where it has none.
+    /// Units of the shapes of a folder, as `units.txt` has them; [`Units::None`] where it has none.
     pub fn of_folder(folder: &Path) -> Result<Self, UnitsError> {
         let path = folder.join(UNITS_FILE);
         if !path.exists() {

@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 /// `longest` voxels (less than a millionth, so that faces on the box do not touch the voxels outside). A voxel is filled if the
 /// surface touches it, or if it is cut off from the grid's border by filled voxels (through faces).
 ///
-/// What does not fit into the grid (where `longest` exceeds a side) is cut off.
+/// Parts that do not fit into the grid (where `longest` exceeds a side) are cut off.
 pub fn voxelise(mesh: &Mesh, dims: Dims, longest: usize) -> Occupancy {
     let mut object = surface(mesh, dims, longest);
     fill_inside(&mut object);

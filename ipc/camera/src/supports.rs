@@ -203,7 +203,8 @@ fn fitted_around(scene: &Scene<'_>, around: &[u32], plane: &Plane) -> LocalSuppo
     let x = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
     let x = (x - normal * normal.dot(&x)).normalize();
     let y = normal.cross(&x);
-    let points: Vec<Vector3<f64>> = around.iter().map(|pixel| scene.rays.point(*pixel as usize, scene.depth[*pixel as usize]).cast()).collect();
+    let points: Vec<Vector3<f64>> =
+        around.iter().map(|pixel| scene.rays.point(*pixel as usize, scene.depth[*pixel as usize]).cast()).collect();
     let near = points.iter().filter(|p| plane.height(&Point3::from(**p)).abs() < f64::from(MOST_BENT_M));
     let middle = near.clone().sum::<Vector3<f64>>() / near.count().max(1) as f64;
     // Height over the plane as offset + slope · (x, y).
@@ -235,7 +236,10 @@ fn fitted_around(scene: &Scene<'_>, around: &[u32], plane: &Plane) -> LocalSuppo
         reach = (2.5 * deviation).min(f64::from(MOST_BENT_M));
     }
     let tilted = Unit::new_normalize(normal - x * bend.y - y * bend.z);
-    LocalSupport { plane: Plane::new(tilted, &Point3::from(middle + normal * (bend.x - plane.height(&Point3::from(middle))))), deviation_m: deviation }
+    LocalSupport {
+        plane: Plane::new(tilted, &Point3::from(middle + normal * (bend.x - plane.height(&Point3::from(middle))))),
+        deviation_m: deviation,
+    }
 }
 
 /// A label is a support if it is by far the largest, flat, and other labels stand on it.

@@ -1,4 +1,4 @@
-//! What a view from above shows: the highest filled voxel of every column.
+//! Height map of a view from above: the highest filled voxel of every column.
 
 use super::{Dims, Observation, for_each_column_source};
 
@@ -19,12 +19,18 @@ impl HeightMap {
     /// Heights of an observation.
     pub fn of(observation: &Observation) -> Self {
         let mut map = Self::new(observation.dims());
-        let z = map.dims.z();
+        map.read(observation);
+        map
+    }
+
+    /// Becomes the heights of an observation of the same size.
+    pub fn read(&mut self, observation: &Observation) {
+        let z = self.dims.z();
+        self.tops.fill(0);
         // Ascending, so that the last one of a column stays.
         for voxel in observation.filled().ones() {
-            map.tops[voxel / z] = (voxel % z + 1) as u16;
+            self.tops[voxel / z] = (voxel % z + 1) as u16;
         }
-        map
     }
 
     /// Size of the grid.
@@ -37,16 +43,16 @@ impl HeightMap {
         &self.tops
     }
 
-    /// The same, to be written.
+    /// The values of [`Self::tops`], to be written.
     pub fn tops_mut(&mut self) -> &mut [u16] {
         &mut self.tops
     }
 
-    /// The map turned about +z by `angle` radians, nearest neighbour; columns that enter are 0.
-    pub fn turned(&self, angle: f64) -> Self {
-        let mut tops = Vec::with_capacity(self.dims.columns());
-        for_each_column_source(self.dims, angle, |source| tops.push(source.map_or(0, |column| self.tops[column])));
-        Self { dims: self.dims, tops }
+    /// Becomes another map turned about +z by `angle` radians, nearest neighbour; columns that enter are 0.
+    pub fn set_turned(&mut self, map: &Self, angle: f64) {
+        self.dims = map.dims;
+        self.tops.clear();
+        for_each_column_source(map.dims, angle, |source| self.tops.push(source.map_or(0, |column| map.tops[column])));
     }
 }
 
@@ -67,7 +73,8 @@ mod tests {
             let expected: Vec<u16> = (0..dims.columns())
                 .map(|c| (0..8).rev().find(|k| turned.filled().contains(c * 8 + k)).map_or(0, |k| k as u16 + 1))
                 .collect();
-            let found = HeightMap::of(&view).turned(angle);
+            let mut found = HeightMap::new(dims);
+            found.set_turned(&HeightMap::of(&view), angle);
             prop_assert_eq!(found.tops(), &expected[..]);
         }
     }

@@ -1,4 +1,4 @@
-//! What a camera knows of one object: every voxel is filled, empty or unknown.
+//! Observation of one object: every voxel is filled, empty or unknown.
 
 use super::{Dims, Occupancy};
 use fixedbitset::FixedBitSet;
@@ -76,7 +76,7 @@ impl Observation {
         Self { dims: object.dims(), known, filled: object.bits().clone() }
     }
 
-    /// What was observed of a published completion, one byte per voxel each: its certain voxels, 0 or 255 without deviation.
+    /// The observation behind a published completion, one byte per voxel each: its certain voxels, 0 or 255 without deviation.
     pub fn of_completion(dims: Dims, occupancy: &[u8], deviation: &[u8]) -> Self {
         assert_eq!((occupancy.len(), deviation.len()), (dims.voxels(), dims.voxels()), "one byte per voxel each");
         let mut observation = Self::unknown(dims);

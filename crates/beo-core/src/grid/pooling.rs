@@ -56,7 +56,7 @@ impl Pooling {
             .flat_map(move |i| (first..dims.y()).step_by(stride).map(move |j| (i * dims.y() + j, (i / size) * depth + j / size)))
     }
 
-    /// What one voxel of a column that is read adds to the average of its cell.
+    /// Share that one voxel of a column that is read has in the average of its cell.
     pub fn share(&self) -> f32 {
         let side = self.size / self.stride;
         1.0 / (side * side * self.size) as f32

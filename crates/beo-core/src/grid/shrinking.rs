@@ -17,6 +17,7 @@ pub struct Shrinking {
 pub struct Counts {
     filled: Vec<u32>,
     hull: Vec<u32>,
+    bits: FixedBitSet,
 }
 
 impl Shrinking {
@@ -57,11 +58,11 @@ impl Shrinking {
     pub fn observation(&self, seen: &Observation, counts: &mut Counts, out: &mut Observation) {
         let to = self.to;
         self.count(seen.filled(), &mut counts.filled);
-        let mut hull = seen.known().clone();
-        hull.toggle_range(..);
-        hull.union_with(seen.filled());
-        self.count(&hull, &mut counts.hull);
-        let Counts { filled, hull } = counts;
+        let Counts { filled, hull, bits } = counts;
+        bits.clone_from(seen.known());
+        bits.toggle_range(..);
+        bits.union_with(seen.filled());
+        self.count(bits, hull);
         let inside = |at: [usize; 3]| 2 * hull[to.index(at[0], at[1], at[2])] >= self.volume(at);
         for (voxel, filled) in filled.iter().enumerate() {
             let at = to.coordinates(voxel);

@@ -9,7 +9,7 @@ use fixedbitset::FixedBitSet;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// What lies outside a grid.
+/// Content of the space outside a grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outside {
     /// The grid holds the whole object.
@@ -126,7 +126,7 @@ impl Turn {
         turned
     }
 
-    /// The same, into an observation of the same size.
+    /// Writes the turned observation into one of the same size.
     pub fn observation_into(&self, observation: &Observation, outside: Outside, turned: &mut Observation) {
         assert_eq!([observation.dims(), turned.dims()], [self.dims; 2], "a turn belongs to one size of grid");
         let (known, filled) = turned.parts_mut();

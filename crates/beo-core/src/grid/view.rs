@@ -13,7 +13,7 @@ pub enum View {
 }
 
 impl View {
-    /// What this view knows of `object`.
+    /// The observation of `object` from this side.
     pub fn of(self, object: &Occupancy) -> Observation {
         match self {
             View::Top => top(object),

@@ -79,7 +79,7 @@ impl Measured {
                     }
                 };
                 let elevation = rng.random_range(lowest - beyond..(highest + beyond).min(HIGHEST).max(lowest));
-                let mut sample = shape.see(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng)?;
+                let mut sample = shape.see_finely(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng)?;
                 if rng.random_range(0.0..1.0) < WITHOUT_SIZE {
                     sample.voxel_m = None;
                 }

@@ -39,7 +39,7 @@ pub struct ClassShapes<'a> {
 pub struct Views<'a> {
     /// Elevations of cameras, radians, ascending.
     pub elevations: &'a [f64],
-    /// What sensors and masks get wrong.
+    /// Faults of sensors and masks.
     pub sensing: Sensing,
     /// Whether objects lie as well as stand.
     pub lying: bool,
@@ -53,20 +53,21 @@ pub struct AtRest {
     pub shape: usize,
     /// Turned so that it rests on a horizontal plane.
     turned: Occupancy,
+    /// The same on a finer grid, centred alike, if there is one.
+    fine: Option<Occupancy>,
     /// The rotation that did that.
     rotation: Rotation,
     /// Longest side, metres, if it is known.
     pub side_m: Option<f64>,
     /// Lengths of the box about the shape along its canonical axes, voxels.
     lengths: [f64; 3],
-    /// Voxels of the shape per voxel of the canonical grid along an axis, and the size of that grid.
-    fineness: f64,
+    /// Size of the canonical grid.
     dims: Dims,
 }
 
 /// A component and the shapes that are of it.
 pub struct Part {
-    /// What the model keeps of it.
+    /// The component, as the model keeps it.
     pub component: Component,
     /// Its shapes.
     pub shapes: Vec<AtRest>,
@@ -100,14 +101,16 @@ fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
         };
         for pose in poses {
             let at_rest = |(n, rotation): (usize, &Option<Rotation>)| -> Option<AtRest> {
-                let (coarse, rotation) = (objects[n], (*rotation)?);
-                let object = shapes.fine.map_or(coarse, |fine| fine[members[n]]);
-                let fineness = object.dims().x() as f64 / coarse.dims().x() as f64;
-                let turned = if rotation.angle() < 1e-9 { object.clone() } else { Turn::new(object.dims(), &rotation).occupancy(object) };
+                let (object, rotation) = (objects[n], (*rotation)?);
+                let turn = |object: &Occupancy| match rotation.angle() < 1e-9 {
+                    true => object.clone(),
+                    false => Turn::new(object.dims(), &rotation).occupancy(object),
+                };
+                let (turned, fine) = (turn(object), shapes.fine.map(|fine| turn(fine[members[n]])));
                 let [low, high] = object.bounds()?;
-                let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 / fineness);
+                let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64);
                 let side_m = shapes.lengths_m.map(|lengths| lengths[members[n]].into_iter().fold(0.0, f64::max));
-                (turned.count() > 0).then_some(AtRest { shape: members[n], turned, rotation, side_m, lengths, fineness, dims: coarse.dims() })
+                (turned.count() > 0).then_some(AtRest { shape: members[n], turned, fine, rotation, side_m, lengths, dims: object.dims() })
             };
             let shapes: Vec<AtRest> = pose.of.par_iter().enumerate().filter_map(at_rest).collect();
             let component =
@@ -150,7 +153,7 @@ pub struct Sample {
     pub camera: Vector3<f64>,
     /// The view's frame.
     pub frame: ViewFrame,
-    /// What is seen.
+    /// The observation.
     pub observation: Observation,
     /// How the shape's canonical grid truly lies.
     pub placed: Placed,
@@ -161,26 +164,40 @@ pub struct Sample {
 }
 
 impl AtRest {
-    /// The shape as it rests.
-    pub fn grid(&self) -> &Occupancy {
-        &self.turned
+    /// The shape as it rests, on the finest grid that there is.
+    pub fn finest(&self) -> &Occupancy {
+        self.fine.as_ref().unwrap_or(&self.turned)
     }
 
     /// The same of another true size.
     pub fn resized(&self, factor: f64) -> Self {
-        Self { turned: self.turned.clone(), side_m: self.side_m.map(|side| side * factor), ..*self }
+        Self { turned: self.turned.clone(), fine: self.fine.clone(), side_m: self.side_m.map(|side| side * factor), ..*self }
     }
 
-    /// Something else on such a grid, as it lies; of no shape of the class.
+    /// Something else on a grid of that kind, as it lies; of no shape of the class.
     pub fn like(&self, turned: Occupancy, side_m: Option<f64>) -> Self {
         let [low, high] = turned.bounds().unwrap_or_default();
-        let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 / self.fineness);
-        Self { turned, side_m, lengths, rotation: Rotation::identity(), ..*self }
+        let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 / self.fineness(&turned));
+        Self { turned, fine: None, side_m, lengths, rotation: Rotation::identity(), ..*self }
+    }
+
+    /// Voxels of a grid per voxel of the canonical one along an axis.
+    fn fineness(&self, object: &Occupancy) -> f64 {
+        object.dims().x() as f64 / self.dims.x() as f64
+    }
+
+    /// As [`Self::see`], the shape on the finest grid that there is: views take several times as long.
+    pub fn see_finely(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
+        self.see_on(self.finest(), turned, elevation, sensing, rng)
     }
 
     /// Sees the shape turned by `turned` radians relative to the direction of looking, from an elevation; `None` if too little is seen.
     pub fn see(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
-        let object = &self.turned;
+        self.see_on(&self.turned, turned, elevation, sensing, rng)
+    }
+
+    fn see_on(&self, object: &Occupancy, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
+        let fineness = self.fineness(object);
         let [low, high] = object.bounds()?;
         let size = (0..3).map(|a| high[a] - low[a]).max()? as f64;
         let (sides, conditions) = sensing.draw(self.side_m, rng);
@@ -190,7 +207,7 @@ impl AtRest {
         // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
         let axes = yaw(-turned);
         let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
-        if sensing != Sensing::Mild && points.len() < LEAST_READINGS {
+        if !matches!(sensing, Sensing::Ideal | Sensing::Mild) && points.len() < LEAST_READINGS {
             return None;
         }
         let first = points.first()?;
@@ -206,11 +223,11 @@ impl AtRest {
         view.carve(dims, &axes, &centre, edge, &mut bytes, &mut observation);
         let grid_from_object = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
         let rotation = yaw(turned) * self.rotation;
-        let placed = Placed { rotation, scale: self.fineness / edge, shift: grid_from_object(Vector3::zeros()) };
+        let placed = Placed { rotation, scale: fineness / edge, shift: grid_from_object(Vector3::zeros()) };
         let camera = grid_from_object(eye.position());
         let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
         let longest = self.lengths.into_iter().fold(0.0, f64::max);
-        let voxel_m = self.side_m.map(|side| side / (longest * self.fineness) * edge);
+        let voxel_m = self.side_m.map(|side| side / (longest * fineness) * edge);
         Some(Sample { camera, frame, observation, placed, voxel_m, lengths: self.lengths })
     }
 }

@@ -90,7 +90,7 @@ pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng
         })
     };
     let first = pick(rng)?;
-    let dims = first.grid().dims();
+    let dims = first.finest().dims();
     let sized = first.side_m.is_some();
     let between = |rng: &mut dyn Rng, [low, high]: [f64; 2]| (low.ln() + (high / low).ln() * rng.random_range(0.0..1.0)).exp();
     let kind = rng.random_range(0.0..1.0);
@@ -106,9 +106,9 @@ pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng
             _ => between(rng, [0.4, 2.5]),
         };
         let piece = |shape: &'_ AtRest, scale: f64| -> (f64, [Vector3<f64>; 2]) {
-            let [low, high] = shape.grid().bounds().unwrap_or_default();
+            let [low, high] = shape.finest().bounds().unwrap_or_default();
             let unit = (0..3).map(|a| high[a] - low[a]).max().unwrap_or(1) as f64;
-            let middle = <[usize; 3]>::from(shape.grid().dims()).map(|side| side as f64 / 2.0);
+            let middle = <[usize; 3]>::from(shape.finest().dims()).map(|side| side as f64 / 2.0);
             let corner = |at: [usize; 3]| Vector3::from_fn(|a, _| scale * (at[a] as f64 - middle[a]) / unit);
             (unit, [corner(low), corner(high)])
         };
@@ -124,7 +124,7 @@ pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng
             shift[axis] = box_a[1][axis] - box_b[0][axis] - rng.random_range(0.0..0.05);
             shift[1 - axis] = rng.random_range(-0.2..0.2);
         }
-        let shape = |shape: &'_ AtRest, unit, centre, scale| (shape.grid().clone(), unit, centre, scale);
+        let shape = |shape: &'_ AtRest, unit, centre, scale| (shape.finest().clone(), unit, centre, scale);
         let [(a, ua, ca, sa), (b, ub, cb, sb)] =
             [shape(first, unit_a, Vector3::zeros(), 1.0), shape(second, unit_b, shift, ratio)].map(|(g, u, c, s)| (g, u, c / largest, s / largest));
         let upright = Rotation::identity();

@@ -8,6 +8,7 @@ use super::options::TrainOptions;
 use super::progress::Pass;
 use crate::linear::LinearError;
 use crate::model::{Blend, Calibration, CompletionCalibration};
+use crate::perception::basis::columns::BlockScratch;
 use crate::perception::completion::voxels::{Block, ForEachBlock, Part, Unknown};
 use crate::perception::densities::gaussian::log_student;
 use crate::perception::evidence::placed::EvidenceModel;
@@ -110,7 +111,8 @@ impl HeldOut {
                     subspaces[s].solve(fit.noise * inflation, &mut conditionals[s])?;
                     subspaces[s].prepare(&mut conditionals[s]);
                     let part = Part { weight: 1.0, class: &subspaces[s], posterior: &conditionals[s].posterior };
-                    let unknown = Unknown { height: data.dims.z(), runs: &known.unknown, parts: std::iter::once(part) };
+                    let scratch = &mut BlockScratch::default();
+                    let unknown = Unknown { height: data.dims.z(), runs: &known.unknown, parts: std::iter::once(part), scratch };
                     let mut seen = 0;
                     dispatch(ForEachBlock(unknown, |block: &Block| {
                         for lane in block.unknown() {

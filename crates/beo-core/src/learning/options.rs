@@ -13,7 +13,7 @@ pub struct TrainOptions {
     pub views: Vec<View>,
     /// Elevations of the cameras to be met, degrees above the horizontal, ascending: densities of what they see are learned; none for none.
     pub camera_elevations_deg: Vec<f64>,
-    /// What sensors and masks get wrong in the cameras' views.
+    /// Faults of sensors and masks in the cameras' views.
     pub sensing: Sensing,
     /// Whether the resting poses of the shapes are learned for cameras; else all stand upright.
     pub lying: bool,

@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// A stable pose is one of the class's if its direction is within this of one of the six axes, radians.
 const REACH: f64 = 40.0 * std::f64::consts::PI / 180.0;
-/// What stands on tables was put there as it is used as often as it came to rest by itself.
+/// Things on tables were put there as they are used as often as they came to rest by themselves.
 const PUT: f64 = 0.5;
 /// Poses that are less probable are left out.
 const LEAST: f64 = 0.08;

@@ -21,7 +21,7 @@ pub const OFFSETS: usize = 8;
 pub struct CameraDensities {
     /// Elevations of the camera above the horizontal that were learned, radians, ascending.
     pub elevations: Vec<f64>,
-    /// What the classes are mixtures of.
+    /// Components of the classes.
     pub components: Vec<Component>,
     /// Number of features, p.
     pub size: usize,

@@ -1,4 +1,4 @@
-//! What the objects of a class that cameras see are a mixture of: kinds of true size, each in its resting poses.
+//! Components of a class of objects that cameras see: kinds of true size, each in its resting poses.
 
 use crate::grid::{Rotation, from_xyzw};
 use nalgebra::{Cholesky, Matrix3, Vector3};

@@ -1,6 +1,7 @@
 //! The model file: one safetensors file, checked before use. models/README.md documents every tensor.
 
 use super::camera_density::{CELLS, MEASURES};
+use super::container::{self, Dtype, Tensor};
 use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::opened::Opened;
 use super::{
@@ -11,9 +12,9 @@ use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use crate::grid::{Dims, Pooling};
 use crate::whole_file::WholeFile;
 use half::f16;
-use safetensors::tensor::{Dtype, TensorView};
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -103,13 +104,9 @@ fn unpack(triangles: &[f32], size: usize) -> Vec<f32> {
 /// Writes a model. The file appears under its name only when it is complete.
 pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let io = |source| ModelError::Io { path: path.to_owned(), source };
-    let mut file = place(path)?;
-    if let Some(temporary) = file.temporary() {
-        with_tensors(model, |tensors, header| safetensors::serialize_to_file(tensors, Some(header), temporary))
-            .map_err(|error| io(std::io::Error::other(error)))?;
-    }
-    // The writer has put a file of its own there, for one user only.
-    file.take_up().and_then(|()| file.keep()).map_err(io)
+    let mut out = BufWriter::with_capacity(1 << 20, place(path)?);
+    write(model, &mut out).map_err(io)?;
+    out.into_inner().map_err(std::io::IntoInnerError::into_error).and_then(WholeFile::keep).map_err(io)
 }
 
 /// Begins the file of a model, which is no pipe and no device: it is mapped.
@@ -124,15 +121,17 @@ fn place(path: &Path) -> Result<WholeFile, ModelError> {
 
 /// A level of a model: the bytes of a whole model file.
 fn level_bytes(level: &Model) -> Vec<u8> {
-    with_tensors(level, |tensors, header| safetensors::serialize(tensors, Some(header)).expect("names and shapes are sound"))
+    let mut bytes = Vec::new();
+    write(level, &mut bytes).expect("there is memory");
+    bytes
 }
 
 pub(super) fn level_name(dims: Dims) -> String {
     format!("level_{}", <[usize; 3]>::from(dims).into_iter().fold(0, usize::max))
 }
 
-/// Calls `write` with a model's tensors and the description for the header.
-fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>)>, HashMap<String, String>) -> R) -> R {
+/// Writes a model's tensors, and its description into the header.
+fn write(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let (classes, rank) = (model.classes.len(), model.rank());
     let stack = |part: fn(&ClassModel) -> &[f32]| -> Vec<f32> { model.classes.iter().flat_map(|c| part(c).iter().copied()).collect() };
     let mut floats: Vec<(String, Vec<usize>, Vec<f32>)> = vec![
@@ -210,12 +209,9 @@ fn with_tensors<R>(model: &Model, write: impl FnOnce(Vec<(String, TensorView<'_>
         tensors.iter().map(|(name, dtype, shape, bytes)| (name.clone(), (dtype.to_string(), shape.clone(), bytes.len()))).collect();
     let checksum = header_checksum(&model.metadata, &checksums, &table);
     let header = Header { metadata: model.metadata.clone(), checksums, checksum };
-    let header = HashMap::from([(KEY.to_string(), serde_json::to_string(&header).expect("plain data"))]);
-
-    let tensors = tensors.into_iter().map(|(name, dtype, shape, bytes)| {
-        (name, TensorView::new(dtype, shape, bytes).expect("the shapes were computed from the lengths"))
-    });
-    write(tensors.collect(), header)
+    let header = serde_json::to_string(&header).expect("plain data");
+    let tensors = tensors.into_iter().map(|(name, dtype, shape, data)| (name, Tensor { dtype, shape, data })).collect();
+    container::write(tensors, [KEY, &header], out)
 }
 
 /// Outcome of a full check of a file.

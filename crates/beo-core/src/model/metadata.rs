@@ -24,7 +24,7 @@ pub struct Metadata {
     pub noise_variance: f64,
     /// Fitted on held-out objects.
     pub calibration: Calibration,
-    /// What the classes are mixtures of where cameras see them: kinds of true size, each in its resting poses; by class. Of models of
+    /// Components of the mixtures that the classes are where cameras see them: kinds of true size, each in its resting poses; by class. Of models of
     /// version 0.1.0 there are none, and all objects of a class stand upright.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub camera_components: Vec<Component>,

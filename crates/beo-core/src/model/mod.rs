@@ -6,6 +6,7 @@
 mod basis;
 mod camera_density;
 mod component;
+mod container;
 mod file;
 mod first_touch;
 mod footprint;

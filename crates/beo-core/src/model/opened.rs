@@ -4,13 +4,13 @@
 //! meanwhile gives an error here, where a mapping would end the process by a signal.
 
 use super::FORMAT_VERSION;
+use super::container::{Dtype, TensorInfo, Tensors};
 use super::file::{Header, KEY, ModelError, Table, check_metadata, header_checksum, level_name};
 use super::mapping::{self, Mapped};
 use crate::grid::Dims;
 use crate::text::printable;
 use bytemuck::Pod;
 use half::f16;
-use safetensors::tensor::{Dtype, Metadata as Tensors, TensorInfo};
 use std::fs::File;
 use std::io;
 use std::ops::Range;
@@ -66,14 +66,14 @@ impl Opened {
             return Err(invalid(format!("it has {bytes} bytes, and its header says that it has {length} itself")));
         }
         let head = read(&file, within.start + LENGTH, length as usize).map_err(io)?;
-        let tensors: Tensors = serde_json::from_slice(&head).map_err(|e| invalid(format!("its header is damaged ({e})")))?;
+        let tensors = Tensors::parse(&head).map_err(|e| invalid(e.to_string()))?;
         let first = within.start + LENGTH + length;
-        let wanted = tensors.tensors().values().map(|t| t.data_offsets.1 as u64).max().unwrap_or(0);
+        let wanted = tensors.bytes() as u64;
         if first + wanted != within.end {
             return Err(invalid(format!("its tensors have {wanted} bytes, of which {} are there: it was cut", within.end - first)));
         }
 
-        let text = tensors.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
+        let text = tensors.text(KEY).ok_or_else(|| invalid("it has no description by beo".into()))?;
         let value: serde_json::Value = serde_json::from_str(text).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
         match value["metadata"]["format_version"].as_u64() {
             Some(version) if version == u64::from(FORMAT_VERSION) => {}
@@ -82,14 +82,12 @@ impl Opened {
         }
         let header: Header = serde_json::from_value(value).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
         // A flipped bit can leave every value as it was, in another spelling (`1E-5`), which the checksum of the values does not see.
-        if serde_json::to_string(&header).expect("plain data") != *text {
+        if serde_json::to_string(&header).expect("plain data") != text {
             return Err(invalid("its description is not spelled as it was written".into()));
         }
-        let table: Table = tensors
-            .tensors()
-            .into_iter()
-            .map(|(name, t)| (name, (t.dtype.to_string(), t.shape.clone(), t.data_offsets.1 - t.data_offsets.0)))
-            .collect();
+        let length = |info: &TensorInfo| info.data_offsets[1] - info.data_offsets[0];
+        let entry = |(name, info): (&str, &TensorInfo)| (name.to_owned(), (info.dtype.to_string(), info.shape.clone(), length(info)));
+        let table: Table = tensors.iter().map(entry).collect();
         if header_checksum(&header.metadata, &header.checksums, &table) != header.checksum {
             return Err(invalid("its header does not match its checksum".into()));
         }
@@ -204,7 +202,7 @@ impl Opened {
 
     /// Where in the file a tensor lies.
     fn range(&self, tensor: &TensorInfo) -> Range<u64> {
-        self.first + tensor.data_offsets.0 as u64..self.first + tensor.data_offsets.1 as u64
+        self.first + tensor.data_offsets[0] as u64..self.first + tensor.data_offsets[1] as u64
     }
 
     fn expect(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Range<u64>, ModelError> {

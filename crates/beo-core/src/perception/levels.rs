@@ -39,6 +39,10 @@ pub(super) struct LevelScratch {
     seen: Observation,
     counts: Counts,
     evidence: EvidenceScratch,
+    /// The query in voxels of this grid.
+    query: Query,
+    /// Log evidence of each hypothesis.
+    scores: Vec<f64>,
 }
 
 impl LevelScratch {
@@ -46,7 +50,8 @@ impl LevelScratch {
     pub fn new(level: &Level) -> Self {
         let dims = level.shrinking.dims();
         let (work, seen) = (level.grid.scratch(), Observation::unknown(dims));
-        Self { work, seen, counts: Counts::default(), evidence: EvidenceScratch::new(dims) }
+        let (counts, evidence) = (Counts::default(), EvidenceScratch::new(dims));
+        Self { work, seen, counts, evidence, query: Query::default(), scores: Vec::new() }
     }
 }
 
@@ -77,12 +82,14 @@ impl LevelSearch<'_> {
             ScaleSearch::Search { side } => ScaleSearch::Search { side: side.map(|side| side / factor) },
             ScaleSearch::Known => ScaleSearch::Known,
         };
-        let on_level = Query { camera: self.query.camera.map(|at| at / factor), scale, completion: false, ..self.query.clone() };
+        let LevelScratch { work, seen: small_seen, query: on_level, .. } = small;
+        on_level.set(self.query);
+        (on_level.camera, on_level.scale, on_level.completion) = (self.query.camera.map(|at| at / factor), scale, false);
         let started = clock.elapsed();
-        small.work.start(&small.seen, &on_level);
-        level.grid.answer(&on_level, &mut small.work, percept)?;
-        small.work.clock.posed();
-        clock.timings = small.work.clock.timings;
+        work.start(small_seen, on_level);
+        level.grid.answer(on_level, work, percept)?;
+        work.clock.posed();
+        clock.timings = work.clock.timings;
         for stage in [&mut clock.timings.projected, &mut clock.timings.classified, &mut clock.timings.posed] {
             *stage += started;
         }
@@ -104,9 +111,10 @@ impl LevelSearch<'_> {
         let (Some(level), Some(small)) = (self.levels.last(), scratch.last_mut()) else { return Ok(()) };
         let evidence = &level.grid.prepared.evidence;
         let weight = level.grid.prepared.model.metadata.calibration.evidence.evidence;
-        let mut scores = Vec::with_capacity(percept.hypotheses.len());
+        let LevelScratch { seen, evidence: scratch, scores, .. } = small;
+        scores.clear();
         for Hypothesis { rotation, class, .. } in &percept.hypotheses {
-            scores.push(weight * evidence.of_turned(&small.seen, rotation, self.query.outside, *class, &mut small.evidence)?.log_ratio);
+            scores.push(weight * evidence.of_turned(seen, rotation, self.query.outside, *class, scratch)?.log_ratio);
         }
         // Within each class: what the classes are worth is not changed.
         for class in 0..percept.posterior.len() {
@@ -114,7 +122,7 @@ impl LevelSearch<'_> {
             let before = of_class(&percept.hypotheses);
             let best = scores.iter().zip(&percept.hypotheses).filter(|(_, h)| h.class == class).map(|(score, _)| *score);
             let best = best.fold(f64::NEG_INFINITY, f64::max);
-            for (hypothesis, score) in percept.hypotheses.iter_mut().zip(&scores).filter(|(h, _)| h.class == class) {
+            for (hypothesis, score) in percept.hypotheses.iter_mut().zip(&*scores).filter(|(h, _)| h.class == class) {
                 hypothesis.probability *= (score - best).exp();
             }
             let after = of_class(&percept.hypotheses);

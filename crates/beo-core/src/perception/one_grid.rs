@@ -72,7 +72,7 @@ impl OneGrid {
             posteriors: ClassPosteriors::new(&self.prepared.evidence),
             known_pose: KnownPoseScratch::default(),
             yaw: YawScratch::default(),
-            full: FullScratch::default(),
+            full: FullScratch::new(dims),
             camera: CameraScratch::default(),
             paper: Pool::default(),
             modes: Modes::default(),
@@ -137,7 +137,7 @@ impl OneGrid {
                 search.score(seen, frame, &mut work.yaw, projection, posteriors, clock, out)?;
             }
             (PoseSearch::Full, Some(here)) => {
-                FullSearch { prepared, here, query, wanted, view }.score(seen, frame.known(), &work.full, clock, out)?;
+                FullSearch { prepared, here, query, wanted, view }.score(seen, frame.known(), &mut work.full, clock, out)?;
             }
             (_, _) => {}
         }

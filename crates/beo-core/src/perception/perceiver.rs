@@ -63,7 +63,7 @@ impl Perceiver {
         Self::open_within(path, None)
     }
 
-    /// The same within `most` bytes of memory: of a file that is read in place, pages beyond that are given back to the system.
+    /// As [`Self::open`], within `most` bytes of memory: of a file that is read in place, pages beyond that are given back to the system.
     ///
     /// # Errors
     /// [`PerceiveError::File`], [`PerceiveError::Memory`], [`PerceiveError::Bound`], and as [`Self::new`].
@@ -171,7 +171,7 @@ impl Classified<'_> {
         outcome
     }
 
-    /// The same into the caller's memory: one value per voxel each, as numbers or as bytes (× 255); all are written.
+    /// Completes the observation into the caller's memory: one value per voxel each, as numbers or as bytes (× 255); all are written.
     ///
     /// # Errors
     /// As [`Self::complete`].

@@ -1,4 +1,4 @@
-//! What real depth sensors and masks of real scenes get wrong, by kind of sensor, drawn at random for each view.
+//! Faults of real depth sensors and of masks of real scenes, by kind of sensor, drawn at random for each view.
 //!
 //! | failure | where it comes from |
 //! | --- | --- |
@@ -27,6 +27,8 @@ pub enum SensorKind {
 /// Under which conditions training views are seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sensing {
+    /// Nothing gets in the way: no noise, no table, nothing before the object, masks without faults.
+    Ideal,
     /// Little noise, near by, masks without faults: for shapes whose size is not known.
     #[default]
     Mild,
@@ -49,6 +51,7 @@ impl Sensing {
     /// Distance of the camera in longest sides of an object that measures `side_m` metres, if that is known, and what it meets there.
     pub fn draw(self, side_m: Option<f64>, rng: &mut impl Rng) -> (f64, Conditions) {
         let kind = match self {
+            Self::Ideal => return (rng.random_range(SIDES[0]..6.0), Conditions::default()),
             Self::Mild => {
                 let conditions = Conditions::draw(rng);
                 return (rng.random_range(SIDES[0]..6.0), conditions);

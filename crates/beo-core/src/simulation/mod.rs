@@ -1,4 +1,4 @@
-//! What a camera sees of a complete voxel object, for training and evaluation: the object's boxes are rendered by ray casting, then the
+//! Simulated camera views of a complete voxel object, for training and evaluation: the object's boxes are rendered by ray casting, then the
 //! grid is carved as for any other depth image.
 //!
 //! Everything is in voxels of the object's grid, from the grid's centre. The object may stand on a table, be seen with noise, lie
@@ -159,7 +159,7 @@ impl View {
         across.cross(&down).try_normalize(1e-12)
     }
 
-    /// What the mask gets wrong, and what is taken out of it for lying on the table or far behind.
+    /// Applies the faults of the mask, and takes out of it what lies on the table or far behind.
     fn mislabel(&mut self, conditions: &Conditions, size: f64) {
         if conditions.mask_growth != 0 || conditions.mask_shift != [0.0; 2] {
             let exact = self.labels.clone();
@@ -268,7 +268,7 @@ impl View {
         }
     }
 
-    /// What is seen of the object, in the camera's frame.
+    /// Readings of the object, in the camera's frame.
     pub fn frame(&self) -> Option<Frame<'_>> {
         Frame::new(&self.intrinsics, &self.depth, &self.labels).ok()
     }
@@ -353,7 +353,7 @@ impl Hollow {
     }
 }
 
-/// What a camera sees of an object under perfect conditions, in the object's own grid; all unknown for an empty object.
+/// Observation of an object by a camera under perfect conditions, in the object's own grid; all unknown for an empty object.
 pub fn observe(object: &Occupancy, eye: &Eye) -> Observation {
     let mut observation = Observation::unknown(object.dims());
     let mut rng = ChaCha8Rng::seed_from_u64(0);

@@ -6,14 +6,14 @@ use super::transform::Similarity;
 use beo_core::grid::Rotation;
 use nalgebra::{Matrix3, Vector3};
 
-/// What takes aligned shapes to the unit cube, one similarity for all: the longest principal axis of the mean shape along x, the shortest along
+/// The similarity that takes all aligned shapes to the unit cube: the longest principal axis of the mean shape along x, the shortest along
 /// z; the half turns that leaves open are chosen so that the shapes reach out farther towards +x and +y; with up kept, the longer horizontal axis along x. Then the mean of the longest
 /// sides is [`LONGEST`], and the mean of the boxes' centres is the origin. All are made smaller where one would leave the cube.
 pub(super) fn to_unit_cube(solids: &[Solid], placements: &[Similarity], settings: &Settings) -> Similarity {
     into_cube(solids, placements, Similarity::turning(orientation(solids, placements, settings.keep_up)))
 }
 
-/// What is needed after `turn` to bring the shapes into the cube.
+/// The similarity after `turn` that brings the shapes into the cube.
 pub(super) fn into_cube(solids: &[Solid], placements: &[Similarity], turn: Similarity) -> Similarity {
     let count = solids.len() as f64;
     let boxes: Vec<_> = solids.iter().zip(placements).map(|(solid, placement)| solid.placed_bounds(&turn.after(placement))).collect();

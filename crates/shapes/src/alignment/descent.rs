@@ -89,7 +89,7 @@ impl Stage<'_> {
         Some(if exponent.is_finite() { exponent.clamp(1.0, 3.5) } else { 2.5 })
     }
 
-    /// What a shape wants low: the logarithm of the entropy of the stack with it, less what its scale takes from the others. Infinite where it
+    /// Objective of one shape: the logarithm of the entropy of the stack with it, less what its scale takes from the others. Infinite where it
     /// may not be. Without an exponent the scale is not to be changed.
     pub fn cost(&self, stack: &Stack, rest: f64, shape: usize, pose: &Pose, exponent: Option<f64>) -> f64 {
         if pose.log_scale.abs() > MOST_SCALE.ln() {

@@ -1,4 +1,4 @@
-//! What congealing lowers: the entropy of the stack of shapes, Σ over cells of the binary entropy of the mean occupancy, in bits
+//! The objective that congealing lowers: the entropy of the stack of shapes, Σ over cells of the binary entropy of the mean occupancy, in bits
 //! (Learned-Miller 2006, section 2: the sum of the pixelwise entropies of the stack).
 //!
 //! Occupancies are whole numbers of 255ths, so that sums are exact whatever their order, and shapes can be taken out of the stack and

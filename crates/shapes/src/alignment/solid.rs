@@ -50,7 +50,7 @@ pub struct Solid {
     pub(super) covariance: Matrix3<f64>,
     /// The box about the shape.
     pub(super) bounds: [Point3<f64>; 2],
-    /// What the box of the placed shape is computed from: the mesh's vertices, or the corners of surface voxels.
+    /// Points from which the box of the placed shape is computed: the mesh's vertices, or the corners of surface voxels.
     outline: Vec<Point3<f64>>,
 }
 

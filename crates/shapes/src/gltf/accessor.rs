@@ -10,7 +10,7 @@ const UNSIGNED_SHORT: u16 = 5123;
 const UNSIGNED_INT: u16 = 5125;
 const FLOAT: u16 = 5126;
 
-/// What accessors are read from.
+/// The document and its buffers, from which accessors are read.
 pub(super) struct Reader<'a> {
     pub document: &'a Document,
     pub buffers: &'a [Cow<'a, [u8]>],
@@ -40,7 +40,7 @@ fn component(bytes: &[u8], component_type: u16) -> f64 {
     }
 }
 
-/// What normalised whole numbers are divided by.
+/// Divisor of normalised whole numbers.
 fn divisor(component_type: u16) -> f64 {
     match component_type {
         BYTE => 127.0,

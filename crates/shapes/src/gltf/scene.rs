@@ -16,7 +16,7 @@ const FAN: u8 = 6;
 const MOST_PER_BYTE: usize = 1;
 const MOST_MORE: usize = 1 << 15;
 
-/// What a scene holds.
+/// Geometry of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Geometry {
     pub vertices: Vec<Point3<f64>>,

@@ -6,7 +6,7 @@
 use super::random::Random;
 use super::solid::{Ring, Solid};
 
-/// What a bottle is drawn from: ranges, metres and ratios.
+/// Ranges from which a bottle is drawn, metres and ratios.
 struct Kind {
     height: [f64; 2],
     /// Width over height.

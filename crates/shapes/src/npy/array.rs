@@ -219,7 +219,7 @@ fn number_type(descr: &str) -> Option<(NpyKind, usize, bool)> {
     Some((kind, width, order == b'>'))
 }
 
-/// What a header says.
+/// Content of a header.
 struct Entries<'a> {
     descr: &'a str,
     is_fortran: bool,

@@ -60,7 +60,7 @@ impl Number {
     }
 }
 
-/// What a property is.
+/// Type of a property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scalar {
     /// One number.
@@ -95,7 +95,7 @@ pub(super) struct Payload<'a> {
     pub bytes: &'a [u8],
     /// Byte of the file at which it begins.
     pub offset: usize,
-    /// The same as text.
+    /// The payload as text.
     pub lines: Lines<'a>,
 }
 
@@ -174,7 +174,7 @@ impl Header {
     }
 }
 
-/// What follows `property`.
+/// Reads a property after its keyword.
 fn property<'a>(line: usize, mut words: impl Iterator<Item = &'a [u8]>) -> Result<Property, FormatError> {
     const TYPES: &str = "char, uchar, short, ushort, int, uint, float or double";
     let number =

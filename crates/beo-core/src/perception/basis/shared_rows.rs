@@ -11,6 +11,7 @@ use crate::grid::{Dims, Observation, Outside, Rotation, for_each_run, nearest};
 use crate::model::{Basis, Damaged, Footprint};
 use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch};
 use crate::perception::kernels::row_gram::{AddGram, packed, packed_len, span};
+use crate::perception::pool::Pool;
 use fixedbitset::FixedBitSet;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -31,9 +32,13 @@ pub struct SharedRows {
     support: FixedBitSet,
     /// Gram matrix of [W', 1] over all voxels, packed lower triangle.
     gram: Vec<f64>,
+    /// Memory of those who sum at the same time: sums of all slabs, and rows that are widened.
+    partials: Pool<Vec<Partial>>,
+    widened: Pool<Vec<f32>>,
 }
 
 /// Sums over some voxels.
+#[derive(Default)]
 struct Partial {
     gram: Vec<f64>,
     rows: Vec<f64>,
@@ -43,7 +48,14 @@ struct Partial {
 impl SharedRows {
     /// Of a model that says where its basis is not zero.
     pub fn new(dims: Dims, basis: &Basis, footprint: &Footprint) -> Self {
-        Self { dims, basis: basis.clone(), support: footprint.voxels.clone(), gram: footprint.gram.clone() }
+        Self {
+            dims,
+            basis: basis.clone(),
+            support: footprint.voxels.clone(),
+            gram: footprint.gram.clone(),
+            partials: Pool::default(),
+            widened: Pool::default(),
+        }
     }
 
     /// Of a basis whose rows outside of `support` are zero.
@@ -51,7 +63,7 @@ impl SharedRows {
     /// # Errors
     /// [`Damaged`] where the rows cannot be read.
     pub fn over(dims: Dims, basis: Basis, support: FixedBitSet) -> Result<Self, Damaged> {
-        let mut rows = Self { dims, basis, support, gram: Vec::new() };
+        let mut rows = Self { dims, basis, support, gram: Vec::new(), partials: Pool::default(), widened: Pool::default() };
         let mut sums = SharedSums { unknown_bits: rows.support.clone(), filled_bits: rows.support.clone(), ..SharedSums::default() };
         sums.filled_bits.clear();
         rows.sum_bits(dims.voxels(), 0, &mut sums)?;
@@ -105,7 +117,7 @@ impl SharedRows {
         outcome
     }
 
-    /// The same of an observation as it looks turned into the object's frame. Of voxels outside the footprint, which no class says
+    /// Sums over an observation as it looks turned into the object's frame. Of voxels outside the footprint, which no class says
     /// anything about, nothing is counted: evidence is then to be taken relative to the background of the others.
     pub fn sum_turned(&self, seen: &Observation, rotation: &Rotation, outside: Outside, sums: &mut SharedSums) -> Result<(), Damaged> {
         const WORD: usize = usize::BITS as usize;
@@ -150,20 +162,22 @@ impl SharedRows {
     /// Sums over the bits of `sums`, which lie in the footprint; the ones are counted.
     fn sum_bits(&self, unknown: usize, filled: usize, sums: &mut SharedSums) -> Result<(), Damaged> {
         let a = self.rank();
-        let parts = self.slabs(&sums.unknown_bits, Some(&sums.filled_bits))?;
-        sums.unknown.clear();
-        sums.unknown.resize(packed_len(a + 1), 0.0);
-        sums.filled.clear();
-        sums.filled.resize(a + 1, 0.0);
-        let (gram, rows) = sums.unknown.split_at_mut(packed_len(a));
-        for part in &parts {
-            for (sums, part) in [(&mut *gram, &part.gram), (&mut *rows, &part.rows), (&mut sums.filled, &part.filled)] {
-                sums.iter_mut().zip(part).for_each(|(sum, v)| *sum += v);
+        self.partials.with(Vec::new, |parts| {
+            self.slabs(sums, parts)?;
+            sums.unknown.clear();
+            sums.unknown.resize(packed_len(a + 1), 0.0);
+            sums.filled.clear();
+            sums.filled.resize(a + 1, 0.0);
+            let (gram, rows) = sums.unknown.split_at_mut(packed_len(a));
+            for part in &*parts {
+                for (sums, part) in [(&mut *gram, &part.gram), (&mut *rows, &part.rows), (&mut sums.filled, &part.filled)] {
+                    sums.iter_mut().zip(part).for_each(|(sum, v)| *sum += v);
+                }
             }
-        }
-        rows[a] = unknown as f64;
-        sums.filled[a] = filled as f64;
-        Ok(())
+            rows[a] = unknown as f64;
+            sums.filled[a] = filled as f64;
+            Ok(())
+        })
     }
 
     /// W'ᵀh of the hull h that `known` was read from and summed over.
@@ -211,24 +225,26 @@ impl SharedRows {
         self.basis.widen(voxel..voxel + 1, out);
     }
 
-    /// Sums over the set bits, slab by slab, in order: Gram matrix and sum over `bits`, sum over `filled`.
-    fn slabs(&self, bits: &FixedBitSet, filled: Option<&FixedBitSet>) -> Result<Vec<Partial>, Damaged> {
+    /// Sums over the bits of `sums`, slab by slab, in order: Gram matrix and sum over the unknown voxels, sum over the filled ones.
+    fn slabs(&self, sums: &SharedSums, parts: &mut Vec<Partial>) -> Result<(), Damaged> {
         let (a, slab) = (self.rank(), SLAB * self.dims.y());
-        let of_slab = |s: usize| {
+        parts.resize_with(self.dims.columns().div_ceil(slab), Partial::default);
+        let (unknown, filled) = (&sums.unknown_bits, &sums.filled_bits);
+        parts.par_iter_mut().enumerate().try_for_each(|(s, part)| {
             let columns = s * slab..((s + 1) * slab).min(self.dims.columns());
-            let mut part = Partial { gram: vec![0.0; packed_len(a)], rows: vec![0.0; a], filled: vec![0.0; a] };
-            self.touch(bits, columns.clone())?;
-            self.blocks(bits, columns.clone(), |rows, count| {
+            for (values, count) in [(&mut part.gram, packed_len(a)), (&mut part.rows, a), (&mut part.filled, a)] {
+                values.clear();
+                values.resize(count, 0.0);
+            }
+            self.touch(unknown, columns.clone())?;
+            self.blocks(unknown, columns.clone(), |rows, count| {
                 add_rows(rows, count, &mut part.rows);
                 dispatch(AddGram { rows, count, stride: a, width: a, out: &mut part.gram });
             });
-            if let Some(filled) = filled {
-                self.touch(filled, columns.clone())?;
-                self.blocks(filled, columns, |rows, count| add_rows(rows, count, &mut part.filled));
-            }
-            Ok(part)
-        };
-        (0..self.dims.columns().div_ceil(slab)).into_par_iter().map(of_slab).collect()
+            self.touch(filled, columns.clone())?;
+            self.blocks(filled, columns, |rows, count| add_rows(rows, count, &mut part.filled));
+            Ok(())
+        })
     }
 
     /// To be called before rows of unknown voxels are loaded again, after [`Self::sum`] has checked them: it keeps what stays in memory
@@ -254,19 +270,21 @@ impl SharedRows {
     /// Calls `each` with the rows of the set bits, up to [`BLOCK`] at a time; room for a [`span`] lies after the last row.
     fn blocks(&self, bits: &FixedBitSet, columns: Range<usize>, mut each: impl FnMut(&[f32], usize)) {
         let a = self.rank();
-        let mut rows = vec![0.0_f32; BLOCK * a + span(a)];
-        let mut count = 0;
-        for_each_run(bits, self.dims, columns, |start, end| {
-            if count + (end - start) > BLOCK {
-                each(&rows, count);
-                count = 0;
+        let make = || vec![0.0_f32; BLOCK * a + span(a)];
+        self.widened.with(make, |rows| {
+            let mut count = 0;
+            for_each_run(bits, self.dims, columns, |start, end| {
+                if count + (end - start) > BLOCK {
+                    each(rows, count);
+                    count = 0;
+                }
+                self.basis.widen(start..end, &mut rows[count * a..(count + end - start) * a]);
+                count += end - start;
+            });
+            if count > 0 {
+                each(rows, count);
             }
-            self.basis.widen(start..end, &mut rows[count * a..(count + end - start) * a]);
-            count += end - start;
         });
-        if count > 0 {
-            each(&rows, count);
-        }
     }
 }
 

@@ -2,11 +2,13 @@
 
 use super::voxels::{self, Complete, Part, Unknown};
 use crate::grid::{ALONE, Observation, Placed, Turn};
+use crate::perception::basis::columns::BlockScratch;
 use crate::perception::basis::known::Known;
 use crate::perception::basis::reading::BasisRows;
 use crate::perception::evidence::placed::ObjectFrame;
 use crate::perception::kernels::lanes::{dispatch, dot};
 use crate::perception::known_pose::ClassPosteriors;
+use crate::perception::pool::Pool;
 use crate::perception::prepared::Prepared;
 use crate::perception::query::Frame;
 use crate::perception::{Method, PerceiveError, Percept, PoseSearch, Query};
@@ -30,6 +32,7 @@ pub struct CompletionScratch {
     /// Classes that take part, and their shares.
     shares: Vec<(usize, f64)>,
     moved: TurnScratch,
+    blocks: Pool<BlockScratch>,
 }
 
 /// Completes what was classified.
@@ -96,7 +99,7 @@ impl Completion<'_> {
         occupancy: &mut [V],
         deviation: &mut [V],
     ) -> Result<(), PerceiveError> {
-        let shares = &mut self.scratch.shares;
+        let CompletionScratch { shares, blocks, .. } = &mut *self.scratch;
         shares.clear();
         shares.extend(percept.posterior.iter().copied().enumerate());
         shares.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -127,8 +130,10 @@ impl Completion<'_> {
             write_known(known, voxels.start, occupancy, deviation);
             let runs = &known.unknown;
             let within = runs.partition_point(|run| run.0 < voxels.start)..runs.partition_point(|run| run.0 < voxels.end);
-            let unknown = Unknown { height: dims.z(), runs: &runs[within], parts: shares.iter().map(part) };
-            dispatch(Complete { unknown, weights, first: voxels.start, occupancy, deviation });
+            blocks.with(BlockScratch::default, |scratch| {
+                let unknown = Unknown { height: dims.z(), runs: &runs[within], parts: shares.iter().map(part), scratch };
+                dispatch(Complete { unknown, weights, first: voxels.start, occupancy, deviation });
+            });
         };
         if dims.voxels() <= ALONE {
             complete(0..dims.voxels(), occupancy, deviation);

@@ -92,13 +92,14 @@ pub struct Unknown<'a, P> {
     pub runs: &'a [(usize, usize)],
     /// The classes.
     pub parts: P,
+    /// Memory for one block.
+    pub scratch: &'a mut BlockScratch,
 }
 
 impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
     /// Calls `each` for all blocks, ascending.
     #[inline(always)]
-    fn for_each_block<const FUSED: bool>(&self, mut each: impl FnMut(&Block)) {
-        let mut scratch = BlockScratch::default();
+    fn for_each_block<const FUSED: bool>(&mut self, mut each: impl FnMut(&Block)) {
         let mut runs = self.runs.iter().peekable();
         while let Some(&&(start, _)) = runs.peek() {
             // All runs that touch this block: the last of them may go on in the next.
@@ -118,7 +119,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
                     }
                     runs.next();
                 }
-                each(&self.block::<FUSED>(column, z, depth, &mut scratch));
+                each(&self.block::<FUSED>(column, z, depth));
                 if !goes_on {
                     break;
                 }
@@ -128,11 +129,11 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
     }
 
     #[inline(always)]
-    fn block<const FUSED: bool>(&self, column: usize, z: usize, depth: Lanes, scratch: &mut BlockScratch) -> Block {
+    fn block<const FUSED: bool>(&mut self, column: usize, z: usize, depth: Lanes) -> Block {
         let zero = [0.0; LANES];
         let mut block = Block { first: column * self.height + z, mean: zero, variance: zero, class_mean: zero, depth };
         for part in self.parts.clone() {
-            let predicted = part.class.predict::<FUSED>(part.posterior, column, z, scratch);
+            let predicted = part.class.predict::<FUSED>(part.posterior, column, z, self.scratch);
             for l in 0..LANES {
                 let mean = predicted.mean[l].clamp(0.0, 1.0);
                 block.mean[l] += part.weight * mean;
@@ -155,7 +156,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone, F: FnMut(&Block)> Kernel for ForE
     type Output = ();
 
     #[inline(always)]
-    fn run<const FUSED: bool>(self) {
+    fn run<const FUSED: bool>(mut self) {
         self.0.for_each_block::<FUSED>(self.1);
     }
 }
@@ -207,7 +208,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone, V: Value> Kernel for Complete<'_,
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Self { unknown, weights, first, occupancy, deviation } = self;
+        let Self { mut unknown, weights, first, occupancy, deviation } = self;
         unknown.for_each_block::<FUSED>(|block| {
             let (mut p, mut sd) = ([0.0; LANES], [0.0; LANES]);
             for l in 0..LANES {

@@ -95,11 +95,6 @@ pub(crate) struct Evidence {
     pub squared_distance: f64,
 }
 
-impl Evidence {
-    /// Of a class that is left out.
-    pub const NONE: Self = Self { log_ratio: f64::NEG_INFINITY, squared_distance: f64::INFINITY };
-}
-
 /// The classes of a model as Gaussians over voxels, and the variance of the noise about them.
 pub(crate) struct EvidenceModel {
     /// W' as it is read.

@@ -19,7 +19,7 @@ use crate::perception::basis::tiles::{TileGrams, Tiling};
 use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
 use crate::perception::kernels::row_gram::{AddGram, packed, packed_len};
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -75,6 +75,23 @@ pub struct Conditional {
     filled: Vec<f64>,
     /// L, k × k row-major, lower triangle.
     factor: Vec<f64>,
+    shared: SharedScratch,
+}
+
+/// Memory for a class whose rows are combinations of those of W', which is read in place; column-major.
+#[derive(Default)]
+struct SharedScratch {
+    /// The Gram matrix of W' times T, a × k.
+    product: Vec<f64>,
+    /// S Tᵀ, k × a.
+    spread: Vec<f64>,
+    /// T Sᵀ S Tᵀ, a × a, and its factor.
+    square: Vec<f64>,
+    factor: Vec<f64>,
+    /// Coefficients in W', a values, and the units of its rows.
+    coefficients: Vec<f64>,
+    single: Vec<f32>,
+    units: Vec<f32>,
 }
 
 impl Conditional {
@@ -90,6 +107,7 @@ impl Conditional {
             unknown: Vec::new(),
             filled: Vec::new(),
             factor: Vec::new(),
+            shared: SharedScratch::default(),
         };
         conditional.make_room(size);
         conditional
@@ -180,13 +198,13 @@ impl ClassSubspace {
         }
     }
 
-    /// The same class, without anything derived over voxels: observations are summed by [`SharedRows::sum`] before.
+    /// A class without anything derived over voxels: observations are summed by [`SharedRows::sum`] before.
     pub fn shared(rows: &Arc<SharedRows>, class: &ClassModel) -> Self {
         let (a, k) = (rows.rank(), class.variances.len());
         let entry = |i: usize, h: usize| f64::from(if h < k { class.directions[h * a + i] } else { class.mean[i] });
         let transform = Mat::from_fn(a, k + 1, entry);
         let mut gram = vec![0.0; packed_len(k + 2)];
-        transform_gram(rows.gram(), &transform, &mut gram);
+        transform_gram(rows.gram(), &transform, &mut Vec::new(), &mut gram);
         Self { size: k, rows: ClassRows::Shared { rows: rows.clone(), transform }, scales: roots(&class.variances), gram }
     }
 
@@ -339,7 +357,8 @@ impl ClassSubspace {
                 dispatch(Reconstruct { rows, size: self.size, coefficients: &conditional.coefficients, each });
             }
             ClassRows::Shared { rows, transform } => {
-                let weights = in_shared(transform, conditional.coefficients.iter().copied().chain([1.0]));
+                let mut weights = Vec::new();
+                in_shared(transform, conditional.coefficients.iter().copied().chain([1.0]), &mut weights);
                 let mut row = vec![0.0; weights.len()];
                 for voxel in 0..rows.voxels() {
                     rows.row(voxel, &mut row);
@@ -369,13 +388,22 @@ impl ClassSubspace {
             }
             ClassRows::Shared { transform, .. } => {
                 // ‖S Tᵀ w‖² = ‖F w‖² with F lower triangular, as the same kernel takes it.
-                let spread = Mat::from_fn(k, transform.nrows(), |i, h| (0..=i).map(|j| entry(i, j) * transform[(h, j)]).sum::<f64>());
-                let factor = lower_factor(&(spread.transpose() * &spread));
-                let coefficients = in_shared(transform, conditional.coefficients.iter().copied());
-                let coefficients: Vec<f32> = coefficients.into_iter().map(|v| v as f32).collect();
-                conditional.posterior.resize(coefficients.len());
-                let units = vec![1.0; coefficients.len()];
-                conditional.posterior.prepare(&units, &coefficients, |i, j| factor[(i, j)] as f32);
+                let a = transform.nrows();
+                let SharedScratch { spread, square, factor, coefficients, single, units, .. } = &mut conditional.shared;
+                spread.clear();
+                for h in 0..a {
+                    spread.extend((0..k).map(|i| (0..=i).map(|j| entry(i, j) * transform[(h, j)]).sum::<f64>()));
+                }
+                square.resize(a * a, 0.0);
+                let s = MatRef::from_column_major_slice(spread, k, a);
+                matmul(MatMut::from_column_major_slice_mut(square, a, a), Accum::Replace, s.transpose(), s, 1.0, Par::Seq);
+                lower_factor(square, a, factor);
+                in_shared(transform, conditional.coefficients.iter().copied(), coefficients);
+                single.clear();
+                single.extend(coefficients.iter().map(|v| *v as f32));
+                units.resize(a, 1.0);
+                conditional.posterior.resize(a);
+                conditional.posterior.prepare(units, single, |i, j| factor[j * a + i] as f32);
             }
         }
     }
@@ -383,7 +411,7 @@ impl ClassSubspace {
 
 /// All that conditioning reads of the voxels, from sums over W' that [`SharedRows`] has made.
 fn gather_shared(transform: &Mat<f64>, size: usize, sums: &SharedSums, out: &mut Conditional) {
-    transform_gram(&sums.unknown, transform, &mut out.unknown);
+    transform_gram(&sums.unknown, transform, &mut out.shared.product, &mut out.unknown);
     let (rows, ones) = sums.filled.split_at(transform.nrows());
     for (h, sum) in out.filled[..=size].iter_mut().enumerate() {
         *sum = transform.col_as_slice(h).iter().zip(rows).map(|(t, v)| t * v).sum();
@@ -396,14 +424,18 @@ fn roots(variances: &[f64]) -> Vec<f64> {
 }
 
 /// The Gram matrix of [W' T, 1], packed, from that of [W', 1], packed.
-fn transform_gram(shared: &[f64], transform: &Mat<f64>, out: &mut [f64]) {
+fn transform_gram(shared: &[f64], transform: &Mat<f64>, product: &mut Vec<f64>, out: &mut [f64]) {
     let (a, k) = (transform.nrows(), transform.ncols());
     let entry = |i: usize, j: usize| shared[packed(i.max(j), i.min(j))];
     // Gram matrix times T, and the sums of the rows times T.
-    let product = Mat::from_fn(a, k, |i, h| (0..a).map(|j| entry(i, j) * transform[(j, h)]).sum::<f64>());
+    product.clear();
+    for h in 0..k {
+        product.extend((0..a).map(|i| (0..a).map(|j| entry(i, j) * transform[(j, h)]).sum::<f64>()));
+    }
     for h in 0..k {
         for g in 0..=h {
-            out[packed(h, g)] = transform.col_as_slice(h).iter().zip(product.col_as_slice(g)).map(|(t, p)| t * p).sum();
+            let column = &product[g * a..(g + 1) * a];
+            out[packed(h, g)] = transform.col_as_slice(h).iter().zip(column).map(|(t, p)| t * p).sum();
         }
         out[packed(k, h)] = (0..a).map(|i| entry(a, i) * transform[(i, h)]).sum();
     }
@@ -411,33 +443,32 @@ fn transform_gram(shared: &[f64], transform: &Mat<f64>, out: &mut [f64]) {
 }
 
 /// Coordinates in W' of a combination of the first columns of `transform`.
-fn in_shared(transform: &Mat<f64>, weights: impl Iterator<Item = f32>) -> Vec<f64> {
-    let mut out = vec![0.0; transform.nrows()];
+fn in_shared(transform: &Mat<f64>, weights: impl Iterator<Item = f32>, out: &mut Vec<f64>) {
+    out.clear();
+    out.resize(transform.nrows(), 0.0);
     for (h, weight) in weights.enumerate() {
         out.iter_mut().zip(transform.col_as_slice(h)).for_each(|(out, t)| *out += f64::from(weight) * t);
     }
-    out
 }
 
-/// A lower triangular F with FᵀF = Q, of a positive semidefinite Q: Cholesky's recursion from the last row on. Directions without
-/// spread get a row of zeros.
-fn lower_factor(q: &Mat<f64>) -> Mat<f64> {
-    let n = q.nrows();
-    let largest = (0..n).map(|i| q[(i, i)]).fold(0.0, f64::max);
-    let mut factor = Mat::zeros(n, n);
+/// A lower triangular F with FᵀF = Q, of a positive semidefinite n × n matrix Q: Cholesky's recursion from the last row on. Directions without
+/// spread get a row of zeros. Both are column-major.
+fn lower_factor(q: &[f64], n: usize, factor: &mut Vec<f64>) {
+    let largest = (0..n).map(|i| q[i * n + i]).fold(0.0, f64::max);
+    factor.clear();
+    factor.resize(n * n, 0.0);
     for i in (0..n).rev() {
-        let above = |factor: &Mat<f64>, j: usize| (i + 1..n).map(|m| factor[(m, i)] * factor[(m, j)]).sum::<f64>();
-        let pivot = q[(i, i)] - above(&factor, i);
+        let above = |factor: &[f64], j: usize| (i + 1..n).map(|m| factor[i * n + m] * factor[j * n + m]).sum::<f64>();
+        let pivot = q[i * n + i] - above(factor, i);
         if pivot <= 1e-12 * largest {
             continue;
         }
         let root = pivot.sqrt();
         for j in 0..i {
-            factor[(i, j)] = (q[(i, j)] - above(&factor, j)) / root;
+            factor[j * n + i] = (q[j * n + i] - above(factor, j)) / root;
         }
-        factor[(i, i)] = root;
+        factor[i * n + i] = root;
     }
-    factor
 }
 
 /// The Gram matrix of a class's derived rows over the unknown voxels, into `out.unknown`.

@@ -7,20 +7,19 @@
 //! Its settings stand in `settings`. Of objects held out of ModelNet10, the right mode was among the first eight of the known class for
 //! 95 % of the views; what is wrong after that is the ranking of look-alike sides.
 
-use super::modes::{Candidate, Mode, modes};
+use super::modes::{Candidate, FoundModes};
 use super::refine::{RefineScratch, Refined, Refiner};
-use crate::grid::{HeightMap, Observation, Placed, Rotation};
+use crate::grid::{Dims, HeightMap, Observation, Placed, Rotation};
 use crate::perception::basis::known::Known;
 use crate::perception::densities::log_sum::{log_sum_exp, softmax};
 use crate::perception::evidence::placed::{Evidence, EvidenceScratch};
 use crate::perception::pool::Pool;
 use crate::perception::prepared::{Here, Prepared};
-use crate::perception::scored::Sample;
-use crate::perception::scored::{ClassMask, Scored};
+use crate::perception::scored::{ClassMask, Sample, Scored};
 use crate::perception::search::grid::{count_for, rotations};
 use crate::perception::settings::FULL;
 use crate::perception::timings::Clock;
-use crate::perception::views::view_scores::{CELLS, Screen};
+use crate::perception::views::view_scores::{CELLS, Screen, ViewScratch};
 use crate::perception::{Method, PerceiveError, Query};
 use rayon::prelude::*;
 
@@ -29,7 +28,7 @@ struct Prior<'a> {
     /// Log density over rotations, relative to the uniform one.
     log_density: &'a (dyn Fn(&Rotation) -> f64 + Sync),
     /// Rotations to look at besides the grid.
-    hints: Vec<Rotation>,
+    hints: &'a [Rotation],
     wanted: &'a ClassMask,
 }
 
@@ -38,46 +37,133 @@ impl Prior<'_> {
         (0..self.wanted.len()).filter(|s| self.wanted[*s])
     }
 
-    /// Modes to refine of each of the classes, the most probable ones; `scores` are on the scale of log probabilities.
-    fn modes_to_refine(&self, scores: &[f64]) -> Vec<usize> {
-        let mut order: Vec<usize> = self.classes().collect();
-        order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
-        let most = if order.len() == 1 { FULL.modes_of_known_class } else { FULL.modes };
-        let mut counts = vec![0; scores.len()];
-        order.iter().take(FULL.classes).for_each(|s| counts[*s] = most);
-        counts
-    }
-
     /// The share of all rotations that a hint stands for: no more than the peak of the prior around it holds.
     fn share(&self, hint: &Rotation, usual: f64) -> f64 {
         usual.min((-(self.log_density)(hint)).exp())
     }
 }
 
-/// A class's candidates by falling score, and the modes among them.
+/// How many modes of each class are refined.
+#[derive(Default)]
+struct RefinedModes {
+    /// One per class.
+    counts: Vec<usize>,
+    order: Vec<usize>,
+}
+
+impl RefinedModes {
+    /// Those of the most probable classes; `scores` are on the scale of log probabilities.
+    fn choose(&mut self, prior: &Prior<'_>, scores: &[f64]) {
+        let Self { counts, order } = self;
+        order.clear();
+        order.extend(prior.classes());
+        order.sort_unstable_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
+        let most = if order.len() == 1 { FULL.modes_of_known_class } else { FULL.modes };
+        counts.clear();
+        counts.resize(scores.len(), 0);
+        order.iter().take(FULL.classes).for_each(|s| counts[*s] = most);
+    }
+}
+
+/// A class's candidates by falling score, and the modes among them. Empty of a class that is left out.
 struct Peaks {
     candidates: Vec<Candidate>,
     /// Share of all rotations that each stands for.
     shares: Vec<f64>,
-    modes: Vec<Mode>,
+    found: FoundModes,
+    /// The first of the modes, refined.
     refined: Vec<Refined>,
     /// Score over all rotations.
     total: f64,
+    /// Log evidence of each candidate's mode.
+    evidence: Vec<f64>,
+    /// Scores of cells; candidates with their shares before they are sorted, and their order.
+    cells: Vec<(f64, usize)>,
+    looked: Vec<(Candidate, f64)>,
+    order: Vec<usize>,
+    view: ViewScratch,
 }
 
 impl Peaks {
-    fn new(mut looked: Vec<(Candidate, f64)>, total: f64) -> Self {
-        looked.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
-        let (candidates, shares) = looked.into_iter().unzip();
-        Self { candidates, shares, modes: Vec::new(), refined: Vec::new(), total }
+    fn new(dims: Dims) -> Self {
+        Self {
+            candidates: Vec::new(),
+            shares: Vec::new(),
+            found: FoundModes::default(),
+            refined: Vec::new(),
+            total: f64::NEG_INFINITY,
+            evidence: Vec::new(),
+            cells: Vec::new(),
+            looked: Vec::new(),
+            order: Vec::new(),
+            view: ViewScratch::new(dims),
+        }
+    }
+
+    /// Forgets all candidates.
+    fn clear(&mut self) {
+        self.looked.clear();
+        self.candidates.clear();
+        self.shares.clear();
+        self.refined.clear();
+        self.total = f64::NEG_INFINITY;
+    }
+
+    /// Sorts what was looked at; of equals, what was looked at first comes first.
+    fn sort(&mut self) {
+        let Self { candidates, shares, looked, order, .. } = self;
+        order.clear();
+        order.extend(0..looked.len());
+        order.sort_unstable_by(|a, b| looked[*b].0.score.total_cmp(&looked[*a].0.score).then(a.cmp(b)));
+        candidates.extend(order.iter().map(|i| looked[*i].0));
+        shares.extend(order.iter().map(|i| looked[*i].1));
     }
 }
 
+/// A mode that is refined.
+struct Task {
+    class: usize,
+    start: Rotation,
+    refined: Option<Refined>,
+}
+
 /// Scratch memory of this stage.
-#[derive(Default)]
 pub struct FullScratch {
     refine: Pool<RefineScratch>,
     evidence: Pool<EvidenceScratch>,
+    view: Pool<ViewScratch>,
+    map: HeightMap,
+    screen: Screen,
+    hints: Vec<Rotation>,
+    /// Rotations of the grid with their shares, and the scores of all classes at each.
+    grid: Vec<(Rotation, f64)>,
+    grid_scores: Vec<f64>,
+    /// One per class.
+    peaks: Vec<Peaks>,
+    /// Scores of the classes on the scale of log probabilities.
+    totals: Vec<f64>,
+    refined_modes: RefinedModes,
+    tasks: Vec<Task>,
+}
+
+impl FullScratch {
+    /// Room for observations of one size.
+    pub fn new(dims: Dims) -> Self {
+        Self {
+            refine: Pool::default(),
+            evidence: Pool::default(),
+            view: Pool::default(),
+            map: HeightMap::new(dims),
+            screen: Screen::default(),
+            hints: Vec::new(),
+            grid: Vec::new(),
+            grid_scores: Vec::new(),
+            peaks: Vec::new(),
+            totals: Vec::new(),
+            refined_modes: RefinedModes::default(),
+            tasks: Vec::new(),
+        }
+    }
 }
 
 /// The search over SO(3).
@@ -96,25 +182,34 @@ impl FullSearch<'_> {
         &self,
         seen: &Observation,
         known: &Known,
-        scratch: &FullScratch,
+        scratch: &mut FullScratch,
         clock: &mut Clock,
         out: &mut Scored,
     ) -> Result<(), PerceiveError> {
         let log_density = self.query.rotation_prior.log_density(self.query.pose);
-        let hints = self.query.rotation_prior.centres().copied().collect();
-        let prior = Prior { log_density: &log_density, hints, wanted: self.wanted };
-        if !out.informed {
-            let usual = 1.0 / count_for(FULL.coarse_rad) as f64;
-            let grid = rotations(count_for(FULL.coarse_rad)).map(|rotation| (rotation, usual));
-            for (rotation, share) in grid.chain(prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual)))) {
-                let log_density = (prior.log_density)(&rotation);
-                out.samples.extend(prior.classes().map(|class| Sample { rotation, class, log_density, share }));
+        let mut hints = std::mem::take(&mut scratch.hints);
+        hints.clear();
+        hints.extend(self.query.rotation_prior.centres().copied());
+        let prior = Prior { log_density: &log_density, hints: &hints, wanted: self.wanted };
+        let outcome = match (self.query.method, self.view) {
+            _ if !out.informed => {
+                self.by_prior(&prior, out);
+                Ok(())
             }
-            return Ok(());
-        }
-        match (self.query.method, self.view) {
             (Method::Auto | Method::Hull, Some(_)) => self.by_views(&prior, seen, known, scratch, clock, out),
             _ => self.by_evidence(&prior, seen, known, scratch, clock, out),
+        };
+        scratch.hints = hints;
+        outcome
+    }
+
+    /// Nothing was seen: the prior.
+    fn by_prior(&self, prior: &Prior<'_>, out: &mut Scored) {
+        let usual = 1.0 / count_for(FULL.coarse_rad) as f64;
+        let grid = rotations(count_for(FULL.coarse_rad)).map(|rotation| (rotation, usual));
+        for (rotation, share) in grid.chain(prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual)))) {
+            let log_density = (prior.log_density)(&rotation);
+            out.samples.extend(prior.classes().map(|class| Sample { rotation, class, log_density, share }));
         }
     }
 
@@ -123,9 +218,9 @@ impl FullSearch<'_> {
         seen: &'b Observation,
         known: &'b Known,
         prior: &'b (dyn Fn(&Rotation) -> f64 + Sync),
-        scratch: &'b FullScratch,
+        pool: &'b Pool<RefineScratch>,
     ) -> Refiner<'b> {
-        Refiner { evidence: &self.prepared.evidence, seen, known, outside: self.query.outside, prior, pool: &scratch.refine }
+        Refiner { evidence: &self.prepared.evidence, seen, known, outside: self.query.outside, prior, pool }
     }
 
     /// By the densities of views from above, and the evidence.
@@ -134,7 +229,7 @@ impl FullSearch<'_> {
         prior: &Prior<'_>,
         seen: &Observation,
         known: &Known,
-        scratch: &FullScratch,
+        scratch: &mut FullScratch,
         clock: &mut Clock,
         out: &mut Scored,
     ) -> Result<(), PerceiveError> {
@@ -142,36 +237,40 @@ impl FullSearch<'_> {
         let by_evidence = self.query.method == Method::Auto;
         let temperature = if by_evidence { FULL.temperature } else { FULL.hull_temperature };
         let weight = FULL.evidence_weight * self.prepared.model.metadata.calibration.noise_inflation;
-        let map = HeightMap::of(seen);
-        let screen = self.here.views.screen(&map, prior.wanted);
-        let mut peaks: Vec<Option<Peaks>> = (0..m)
-            .into_par_iter()
-            .map(|class| prior.wanted[class].then(|| self.peaks_of_views(class, &screen, &map, prior, temperature)))
-            .collect();
-        clock.projected();
-        let scores: Vec<f64> =
-            (0..m).map(|s| peaks[s].as_ref().map_or(f64::NEG_INFINITY, |p| p.total / temperature + self.query.log_prior(s))).collect();
-        for (peaks, most) in peaks.iter_mut().zip(prior.modes_to_refine(&scores)) {
-            if let Some(peaks) = peaks {
-                // The others need a mode as well: what it is, not how well it fits.
-                peaks.modes = modes(&peaks.candidates, FULL.averaging_nats, most.max(1));
+        let FullScratch { refine, view, map, screen, peaks, totals, refined_modes, tasks, .. } = scratch;
+        map.read(seen);
+        self.here.views.screen(map, prior.wanted, view, screen);
+        peaks.resize_with(m, || Peaks::new(seen.dims()));
+        let (map, screen) = (&*map, &*screen);
+        peaks.par_iter_mut().enumerate().for_each(|(class, peaks)| {
+            peaks.clear();
+            if prior.wanted[class] {
+                self.look_at_views(class, screen, map, prior, temperature, peaks);
             }
+        });
+        clock.projected();
+        totals.clear();
+        totals.extend(peaks.iter().enumerate().map(|(class, peaks)| peaks.total / temperature + self.query.log_prior(class)));
+        refined_modes.choose(prior, totals);
+        for class in prior.classes() {
+            let Peaks { candidates, found, .. } = &mut peaks[class];
+            // The others need a mode as well: what it is, not how well it fits.
+            found.find(candidates, FULL.averaging_nats, refined_modes.counts[class].max(1));
         }
         if by_evidence {
             let scaled = |rotation: &Rotation| (prior.log_density)(rotation) * temperature / weight;
-            let refiner = self.refiner(seen, known, &scaled, scratch);
-            let counts = prior.modes_to_refine(&scores);
-            refine_all(&refiner, &mut peaks, &counts, &FULL.fine_rad)?;
+            let refiner = self.refiner(seen, known, &scaled, refine);
+            refine_all(&refiner, prior, peaks, &refined_modes.counts, &FULL.fine_rad, tasks)?;
         }
         // Where no evidence was computed it says as little as where it was least.
         let best = |p: &Peaks| p.refined.iter().map(|r| weight * r.evidence.log_ratio).fold(f64::NEG_INFINITY, f64::max);
-        let least = peaks.iter().flatten().filter(|p| !p.refined.is_empty()).map(best).fold(f64::INFINITY, f64::min);
+        let least = peaks.iter().filter(|p| !p.refined.is_empty()).map(best).fold(f64::INFINITY, f64::min);
         let least = if least.is_finite() { least } else { 0.0 };
 
         out.scores.resize(m, f64::NEG_INFINITY);
         out.posterior.resize(m, f64::NEG_INFINITY);
-        for (class, peaks) in peaks.iter().enumerate() {
-            let Some(peaks) = peaks else { continue };
+        for class in prior.classes() {
+            let peaks = &mut peaks[class];
             let evidence = if peaks.refined.is_empty() { least } else { best(peaks) };
             out.scores[class] = peaks.total + evidence;
             out.posterior[class] = out.scores[class] / temperature + self.query.log_prior(class);
@@ -181,33 +280,30 @@ impl FullSearch<'_> {
         Ok(())
     }
 
-    /// The best rotations of a class. Scores include the prior, as many times as the temperature divides them later.
-    fn peaks_of_views(&self, class: usize, screen: &Screen, map: &HeightMap, prior: &Prior<'_>, temperature: f64) -> Peaks {
+    /// Looks for the best rotations of a class. Scores include the prior, as many times as the temperature divides them later.
+    fn look_at_views(&self, class: usize, screen: &Screen, map: &HeightMap, prior: &Prior<'_>, temperature: f64, peaks: &mut Peaks) {
+        let views = &self.here.views;
         let log_prior = |rotation: &Rotation| temperature * (prior.log_density)(rotation);
-        let mut cells: Vec<(f64, usize)> =
-            (0..CELLS).map(|cell| (screen.score(class, cell) + log_prior(self.here.views.rotation(cell)), cell)).collect();
-        let hints: Vec<Candidate> = prior
-            .hints
-            .iter()
-            .map(|hint| {
-                let score = self.here.views.score_at(map, hint, class) + log_prior(hint);
-                Candidate { cell: *hint, rotation: *hint, score }
-            })
-            .collect();
-        let all = cells.iter().map(|c| c.0).chain(hints.iter().map(|h| h.score));
-        let total = FULL.soft_maximum_nats * log_sum_exp(all.map(|score| score / FULL.soft_maximum_nats));
+        let usual = 1.0 / CELLS as f64;
+        let Peaks { cells, looked, view, .. } = peaks;
+        cells.clear();
+        cells.extend((0..CELLS).map(|cell| (screen.score(class, cell) + log_prior(views.rotation(cell)), cell)));
+        looked.extend(prior.hints.iter().map(|hint| {
+            let score = views.score_at(map, hint, class, view) + log_prior(hint);
+            (Candidate { cell: *hint, rotation: *hint, score }, prior.share(hint, usual))
+        }));
+        let all = cells.iter().map(|cell| cell.0).chain(looked.iter().map(|(hint, _)| hint.score));
+        peaks.total = FULL.soft_maximum_nats * log_sum_exp(all.map(|score| score / FULL.soft_maximum_nats));
         let falling = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
         cells.select_nth_unstable_by(FULL.candidates, falling);
         cells.truncate(FULL.candidates);
-        cells.sort_by(falling);
-        let usual = 1.0 / CELLS as f64;
-        let mut looked: Vec<(Candidate, f64)> = hints.into_iter().map(|hint| (hint, prior.share(&hint.rotation, usual))).collect();
-        looked.extend(cells.into_iter().map(|(_, cell)| {
-            let rotation = self.here.views.regressed(screen, class, cell);
+        cells.sort_unstable_by(falling);
+        looked.extend(cells.iter().map(|&(_, cell)| {
+            let rotation = views.regressed(screen, class, cell, view);
             let score = screen.score(class, cell) + log_prior(&rotation);
-            (Candidate { cell: *self.here.views.rotation(cell), rotation, score }, usual)
+            (Candidate { cell: *views.rotation(cell), rotation, score }, usual)
         }));
-        Peaks::new(looked, total)
+        peaks.sort();
     }
 
     /// By the evidence, or the distance to the class means.
@@ -216,7 +312,7 @@ impl FullSearch<'_> {
         prior: &Prior<'_>,
         seen: &Observation,
         known: &Known,
-        scratch: &FullScratch,
+        scratch: &mut FullScratch,
         clock: &mut Clock,
         out: &mut Scored,
     ) -> Result<(), PerceiveError> {
@@ -230,64 +326,60 @@ impl FullSearch<'_> {
         let m = self.prepared.classes();
         let raw = |evidence: &Evidence| if by_distance { -evidence.squared_distance } else { evidence.log_ratio };
         let usual = 1.0 / count_for(FULL.coarse_rad) as f64;
-        let mut grid: Vec<(Rotation, f64)> = prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual))).collect();
+        let FullScratch { refine, evidence: pool, grid, grid_scores, peaks, totals, refined_modes, tasks, .. } = scratch;
+        grid.clear();
+        grid.extend(prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual))));
         grid.extend(rotations(count_for(FULL.coarse_rad)).map(|rotation| (rotation, usual)));
-        let scores: Vec<Vec<f64>> = grid
-            .par_iter()
-            .map(|(rotation, _)| {
-                let evidence = &self.prepared.evidence;
-                scratch.evidence.with(
-                    || EvidenceScratch::new(evidence.dims()),
-                    |scratch| {
-                        evidence.place(seen, &Placed::turned(*rotation), self.query.outside, scratch)?;
-                        let score = |class: usize| -> Result<f64, PerceiveError> {
-                            let found = if prior.wanted[class] { evidence.of_class(class, scratch)? } else { Evidence::NONE };
-                            Ok(raw(&found))
-                        };
-                        (0..m).map(score).collect()
-                    },
-                )
-            })
-            .collect::<Result<_, PerceiveError>>()?;
+        grid_scores.clear();
+        grid_scores.resize(grid.len() * m, f64::NEG_INFINITY);
+        grid_scores.par_chunks_exact_mut(m).zip(&*grid).try_for_each(|(scores, (rotation, _))| {
+            let evidence = &self.prepared.evidence;
+            pool.with(
+                || EvidenceScratch::new(evidence.dims()),
+                |scratch| {
+                    evidence.place(seen, &Placed::turned(*rotation), self.query.outside, scratch)?;
+                    prior.classes().try_for_each(|class| {
+                        scores[class] = raw(&evidence.of_class(class, scratch)?);
+                        Ok::<_, PerceiveError>(())
+                    })
+                },
+            )
+        })?;
         clock.projected();
         // Scores are log densities from here on.
-        let peaks_of = |class: usize| {
-            let looked: Vec<(Candidate, f64)> = grid
-                .iter()
-                .zip(&scores)
-                .map(|((rotation, share), scores)| {
-                    let score = weight * scores[class] + (prior.log_density)(rotation);
-                    (Candidate { cell: *rotation, rotation: *rotation, score }, *share)
-                })
-                .collect();
-            let total = looked.iter().map(|(candidate, _)| candidate.score).fold(f64::NEG_INFINITY, f64::max);
-            Peaks::new(looked, total)
-        };
-        let mut peaks: Vec<Option<Peaks>> = (0..m).map(|class| prior.wanted[class].then(|| peaks_of(class))).collect();
-        let totals: Vec<f64> =
-            (0..m).map(|s| peaks[s].as_ref().map_or(f64::NEG_INFINITY, |p| p.total + blend.offsets[s] + self.query.log_prior(s))).collect();
-        let counts = prior.modes_to_refine(&totals);
-        for (peaks, most) in peaks.iter_mut().zip(&counts) {
-            if let Some(peaks) = peaks {
-                // A grid this coarse has no two rotations on one peak to be averaged.
-                peaks.modes = modes(&peaks.candidates, f64::MIN_POSITIVE, *most);
-            }
+        peaks.resize_with(m, || Peaks::new(seen.dims()));
+        peaks.iter_mut().for_each(Peaks::clear);
+        for class in prior.classes() {
+            let peaks = &mut peaks[class];
+            peaks.looked.extend(grid.iter().zip(grid_scores.chunks_exact(m)).map(|((rotation, share), scores)| {
+                let score = weight * scores[class] + (prior.log_density)(rotation);
+                (Candidate { cell: *rotation, rotation: *rotation, score }, *share)
+            }));
+            peaks.total = peaks.looked.iter().map(|(candidate, _)| candidate.score).fold(f64::NEG_INFINITY, f64::max);
+            peaks.sort();
+        }
+        totals.clear();
+        totals.extend(peaks.iter().enumerate().map(|(class, p)| p.total + blend.offsets[class] + self.query.log_prior(class)));
+        refined_modes.choose(prior, totals);
+        for class in prior.classes() {
+            let Peaks { candidates, found, .. } = &mut peaks[class];
+            // A grid this coarse has no two rotations on one peak to be averaged.
+            found.find(candidates, f64::MIN_POSITIVE, refined_modes.counts[class]);
         }
         let scaled = |rotation: &Rotation| (prior.log_density)(rotation) / weight;
-        let refiner = self.refiner(seen, known, &scaled, scratch);
-        refine_all(&refiner, &mut peaks, &counts, &FULL.fine_from_coarse_rad)?;
+        let refiner = self.refiner(seen, known, &scaled, refine);
+        refine_all(&refiner, prior, peaks, &refined_modes.counts, &FULL.fine_from_coarse_rad, tasks)?;
 
         out.scores.resize(m, f64::NEG_INFINITY);
         out.posterior.resize(m, f64::NEG_INFINITY);
-        for (class, peaks) in peaks.iter().enumerate() {
-            let Some(peaks) = peaks else { continue };
-            let refined = peaks.refined.iter().map(|r| (r.rotation, weight * raw(&r.evidence) + (prior.log_density)(&r.rotation)));
-            let found: Vec<(Rotation, f64)> = refined.collect();
-            let best = found.iter().map(|f| f.1).fold(peaks.total, f64::max);
+        for class in prior.classes() {
+            let peaks = &peaks[class];
+            let density = |r: &Refined| weight * raw(&r.evidence) + (prior.log_density)(&r.rotation);
+            let best = peaks.refined.iter().map(density).fold(peaks.total, f64::max);
             out.scores[class] = best / weight;
             out.posterior[class] = best + blend.offsets[class] + self.query.log_prior(class);
             let sample = |rotation: Rotation, log_density: f64, share: f64| Sample { rotation, class, log_density, share };
-            out.samples.extend(found.iter().map(|(rotation, score)| sample(*rotation, *score, usual)));
+            out.samples.extend(peaks.refined.iter().map(|r| sample(r.rotation, density(r), usual)));
             out.samples.extend(peaks.candidates.iter().zip(&peaks.shares).map(|(c, share)| sample(c.rotation, c.score, *share)));
         }
         softmax(&mut out.posterior);
@@ -296,41 +388,48 @@ impl FullSearch<'_> {
 }
 
 /// Refines the first `counts[class]` modes of each class.
-fn refine_all(refiner: &Refiner<'_>, peaks: &mut [Option<Peaks>], counts: &[usize], steps: &[f64]) -> Result<(), PerceiveError> {
-    let tasks: Vec<(usize, Rotation)> = (0..peaks.len())
-        .filter_map(|class| peaks[class].as_ref().map(|p| (class, p)))
-        .flat_map(|(class, p)| p.modes.iter().take(counts[class]).map(move |mode| (class, mode.rotation)))
-        .collect();
-    let refined: Vec<Refined> = tasks.par_iter().map(|(class, start)| refiner.refine(*class, start, steps)).collect::<Result<_, _>>()?;
-    for ((class, _), refined) in tasks.iter().zip(refined) {
-        if let Some(peaks) = &mut peaks[*class] {
-            peaks.refined.push(refined);
-        }
+fn refine_all(
+    refiner: &Refiner<'_>,
+    prior: &Prior<'_>,
+    peaks: &mut [Peaks],
+    counts: &[usize],
+    steps: &[f64],
+    tasks: &mut Vec<Task>,
+) -> Result<(), PerceiveError> {
+    tasks.clear();
+    for class in prior.classes() {
+        let starts = peaks[class].found.modes.iter().take(counts[class]);
+        tasks.extend(starts.map(|mode| Task { class, start: mode.rotation, refined: None }));
     }
+    tasks.par_iter_mut().try_for_each(|task| {
+        task.refined = Some(refiner.refine(task.class, &task.start, steps)?);
+        Ok::<_, PerceiveError>(())
+    })?;
+    tasks.iter().for_each(|task| peaks[task.class].refined.extend(task.refined));
     Ok(())
 }
 
 /// The samples of a class: the candidates, each with the evidence of its mode, and on top of each mode its refined rotation.
-fn add_samples(peaks: &Peaks, class: usize, weight: f64, temperature: f64, prior: &Prior<'_>, samples: &mut Vec<Sample>) {
-    let least = peaks.refined.iter().map(|r| weight * r.evidence.log_ratio).fold(f64::INFINITY, f64::min);
-    let mut evidence = vec![if least.is_finite() { least } else { 0.0 }; peaks.candidates.len()];
+fn add_samples(peaks: &mut Peaks, class: usize, weight: f64, temperature: f64, prior: &Prior<'_>, samples: &mut Vec<Sample>) {
+    let Peaks { candidates, shares, found, refined, evidence, .. } = peaks;
+    let least = refined.iter().map(|r| weight * r.evidence.log_ratio).fold(f64::INFINITY, f64::min);
+    evidence.clear();
+    evidence.resize(candidates.len(), if least.is_finite() { least } else { 0.0 });
     let usual = 1.0 / CELLS as f64;
-    for (place, mode) in peaks.modes.iter().enumerate() {
-        let refined = peaks.refined.get(place);
+    for (place, mode) in found.modes.iter().enumerate() {
+        let (members, refined) = (found.members(mode), refined.get(place));
         if let Some(refined) = refined {
-            mode.members.iter().for_each(|i| evidence[*i] = weight * refined.evidence.log_ratio);
+            members.iter().for_each(|i| evidence[*i] = weight * refined.evidence.log_ratio);
         }
         let rotation = refined.map_or(mode.rotation, |r| r.rotation);
-        let raw =
-            mode.members.first().map_or(mode.score, |i| mode.score - temperature * (prior.log_density)(&peaks.candidates[*i].rotation));
+        let raw = members.first().map_or(mode.score, |i| mode.score - temperature * (prior.log_density)(&candidates[*i].rotation));
         let own =
             (raw + temperature * (prior.log_density)(&rotation) + refined.map_or(0.0, |r| weight * r.evidence.log_ratio)) / temperature;
         // It stands for the mode, so it is not below what lies around it.
-        let around = mode.members.iter().map(|i| (peaks.candidates[*i].score + evidence[*i]) / temperature);
+        let around = members.iter().map(|i| (candidates[*i].score + evidence[*i]) / temperature);
         samples.push(Sample { rotation, class, log_density: around.fold(own, f64::max), share: usual });
     }
-    let candidates = peaks.candidates.iter().zip(&peaks.shares).zip(&evidence);
-    samples.extend(candidates.map(|((candidate, share), evidence)| Sample {
+    samples.extend(candidates.iter().zip(&*shares).zip(&*evidence).map(|((candidate, share), evidence)| Sample {
         rotation: candidate.rotation,
         class,
         log_density: (candidate.score + evidence) / temperature,
@@ -351,22 +450,25 @@ mod tests {
         let here = perceiver().grid.here.as_ref().expect("a model that is searched itself");
         let query = Query::default();
         let search = FullSearch { prepared, here, query: &query, wanted: &[true; 3], view: Some(0) };
-        let prior = Prior { log_density: &|_| 0.0, hints: Vec::new(), wanted: &[true; 3] };
+        let prior = Prior { log_density: &|_| 0.0, hints: &[], wanted: &[true; 3] };
         let grid: Vec<Rotation> = rotations(count_for(8_f64.to_radians())).collect();
         let (mut near, mut count) = (0, 0);
         for seed in 0..8 {
             let truth = grid[seed as usize * 3001 % grid.len()];
             let view = View::Top.of(&Turn::new(model().dims(), &truth).occupancy(&unseen("chair", seed)));
             let map = HeightMap::of(&view);
-            let screen = here.views.screen(&map, prior.wanted);
+            let (mut screen, pool) = (Screen::default(), Pool::default());
+            here.views.screen(&map, prior.wanted, &pool, &mut screen);
             for class in 0..3 {
-                let peaks = search.peaks_of_views(class, &screen, &map, &prior, 1.0);
+                let mut peaks = Peaks::new(map.dims());
+                search.look_at_views(class, &screen, &map, &prior, 1.0, &mut peaks);
                 assert!(peaks.candidates.is_sorted_by(|a, b| a.score >= b.score));
-                let found = modes(&peaks.candidates, FULL.averaging_nats, FULL.modes_of_known_class);
-                let scores: Vec<f64> = grid.par_iter().map(|r| here.views.score_at(&map, r, class)).collect();
+                peaks.found.find(&peaks.candidates, FULL.averaging_nats, FULL.modes_of_known_class);
+                let look = |r: &Rotation| here.views.score_at(&map, r, class, &mut ViewScratch::new(map.dims()));
+                let scores: Vec<f64> = grid.par_iter().map(look).collect();
                 let best = (0..grid.len()).fold(0, |best, i| if scores[i] > scores[best] { i } else { best });
                 // What the finer grid finds beyond the coarse one is a fraction of what sets modes apart.
-                near += usize::from(found.iter().any(|mode| mode.rotation.angle_to(&grid[best]) < 20_f64.to_radians()));
+                near += usize::from(peaks.found.modes.iter().any(|mode| mode.rotation.angle_to(&grid[best]) < 20_f64.to_radians()));
                 count += 1;
             }
         }

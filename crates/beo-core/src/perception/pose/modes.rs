@@ -2,6 +2,7 @@
 
 use crate::grid::{Rotation, mean_rotation};
 use crate::perception::search::merging::Merging;
+use std::ops::Range;
 
 /// Rotations within this of a better one belong to its mode.
 const RADIUS: f64 = 25.0 / 180.0 * std::f64::consts::PI;
@@ -24,26 +25,43 @@ pub struct Mode {
     pub rotation: Rotation,
     /// Score of the best candidate.
     pub score: f64,
-    /// Its candidates, best first.
-    pub members: Vec<usize>,
+    /// Where its candidates stand in [`FoundModes::members`], best first.
+    members: Range<usize>,
 }
 
-/// The best `most` modes of `candidates`, which are sorted by falling score: greedily, the best that is left with all near it.
-pub fn modes(candidates: &[Candidate], temperature: f64, most: usize) -> Vec<Mode> {
-    let nearest = (RADIUS / 2.0).cos();
-    let near = |peak: usize, other: usize| candidates[other].cell.coords.dot(&candidates[peak].cell.coords).abs() >= nearest;
-    let mut merging = Merging::default();
-    merging.start(candidates.len());
-    let mut modes = Vec::new();
-    while modes.len() < most {
-        let mut members = Vec::new();
-        let Some(peak) = merging.next(near, |member| members.push(member)) else { break };
-        let best = &candidates[peak];
-        let weight = |candidate: &Candidate| ((candidate.score - best.score) / temperature).exp();
-        let rotation = mean_rotation(&best.rotation, members.iter().map(|i| (candidates[*i].rotation, weight(&candidates[*i]))));
-        modes.push(Mode { rotation, score: best.score, members });
+/// Modes among candidates. Keeps its memory from use to use.
+#[derive(Clone, Debug, Default)]
+pub struct FoundModes {
+    /// The best first.
+    pub modes: Vec<Mode>,
+    members: Vec<usize>,
+    merging: Merging,
+}
+
+impl FoundModes {
+    /// Finds the best `most` modes of `candidates`, which are sorted by falling score: greedily, the best that is left with all near it.
+    pub fn find(&mut self, candidates: &[Candidate], temperature: f64, most: usize) {
+        let nearest = (RADIUS / 2.0).cos();
+        let near = |peak: usize, other: usize| candidates[other].cell.coords.dot(&candidates[peak].cell.coords).abs() >= nearest;
+        let Self { modes, members, merging } = self;
+        modes.clear();
+        members.clear();
+        merging.start(candidates.len());
+        while modes.len() < most {
+            let first = members.len();
+            let Some(peak) = merging.next(near, |member| members.push(member)) else { break };
+            let best = &candidates[peak];
+            let weight = |candidate: &Candidate| ((candidate.score - best.score) / temperature).exp();
+            let around = members[first..].iter().map(|i| (candidates[*i].rotation, weight(&candidates[*i])));
+            let rotation = mean_rotation(&best.rotation, around);
+            modes.push(Mode { rotation, score: best.score, members: first..members.len() });
+        }
     }
-    modes
+
+    /// The candidates of a mode, best first.
+    pub fn members(&self, mode: &Mode) -> &[usize] {
+        &self.members[mode.members.clone()]
+    }
 }
 
 #[cfg(test)]
@@ -61,13 +79,17 @@ mod tests {
     #[test]
     fn modes_are_peaks_with_what_lies_around_them() {
         let candidates = [candidate(90.0, 10.0), candidate(355.0, 9.0), candidate(5.0, 9.0), candidate(99.0, 8.0), candidate(180.0, 1.0)];
-        let found = modes(&candidates, 1.0, 8);
-        assert_eq!(found.iter().map(|m| m.members.clone()).collect::<Vec<_>>(), [vec![0, 3], vec![1, 2], vec![4]]);
+        let mut all = FoundModes::default();
+        all.find(&candidates, 1.0, 8);
+        let found = &all.modes;
+        assert_eq!(found.iter().map(|mode| all.members(mode)).collect::<Vec<_>>(), [&[0, 3][..], &[1, 2], &[4]]);
         // Two alike: half-way. Two unlike: by weights 1 and e^−2, for small angles.
         assert!(found[1].rotation.angle() < 1e-9);
         let expected = 90.0 + 9.0 * (-2.0_f64).exp() / (1.0 + (-2.0_f64).exp());
         assert!((crate::grid::yaw_of(&found[0].rotation).to_degrees() - expected).abs() < 0.01);
-        assert_eq!(modes(&candidates, 1.0, 2).len(), 2);
-        assert!(modes(&[], 1.0, 2).is_empty());
+        all.find(&candidates, 1.0, 2);
+        assert_eq!(all.modes.len(), 2);
+        all.find(&[], 1.0, 2);
+        assert!(all.modes.is_empty());
     }
 }

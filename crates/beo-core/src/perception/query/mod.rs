@@ -71,6 +71,31 @@ pub struct Query {
 }
 
 impl Query {
+    /// Becomes another query, in the memory that this one has.
+    pub(super) fn set(&mut self, other: &Self) {
+        let (mut log_prior, mut rotation_prior) = (std::mem::take(&mut self.log_prior), std::mem::take(&mut self.rotation_prior));
+        log_prior.clone_from(&other.log_prior);
+        rotation_prior.set(&other.rotation_prior);
+        let Self { method, pose, outside, view, camera, scale, lying, voxel_size_m, completion, frame, projection, paper_pose, .. } =
+            *other;
+        *self = Self {
+            method,
+            pose,
+            rotation_prior,
+            outside,
+            view,
+            camera,
+            scale,
+            lying,
+            voxel_size_m,
+            log_prior,
+            completion,
+            frame,
+            projection,
+            paper_pose,
+        };
+    }
+
     /// log P(s) of a class, up to a constant.
     pub(super) fn log_prior(&self, class: usize) -> f64 {
         self.log_prior.get(class).copied().unwrap_or(0.0)

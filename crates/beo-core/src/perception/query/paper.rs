@@ -14,7 +14,7 @@ pub enum PaperPose {
     Density,
     /// Least distance between query and back-projection on the known voxels (eq. 11).
     Distance,
-    /// The same relative to the query's length (eq. 19).
+    /// That distance relative to the query's length (eq. 19).
     Reprojection,
 }
 

@@ -45,6 +45,12 @@ impl RotationPrior {
         Self { components, concentration: concentration.clamp(0.0, MOST_CONCENTRATED), floor: floor.clamp(0.0, 1.0) }
     }
 
+    /// Becomes another density, in the memory that this one has.
+    pub(super) fn set(&mut self, other: &Self) {
+        self.components.clone_from(&other.components);
+        (self.concentration, self.floor) = (other.concentration, other.floor);
+    }
+
     /// Where an object is to be expected one frame after `percept`: around its hypotheses, and most of all around the one that
     /// was answered, so that of the equivalent poses of a symmetric object the same one stays the answer.
     pub fn continuing(percept: &Percept) -> Self {
