@@ -104,7 +104,8 @@ pub enum CarvedGridError {
 
 impl ObservationHeader {
     /// The header of a grid that was carved from a camera's frame: where it lies in the frame named "camera", in metres; where the camera
-    /// is; size, place and rotation about the vertical to be found (only the place and rotation where the longest side is known); class,
+    /// is; size, place and rotation to be found (only the place and rotation where the longest side is known), the object resting on its
+    /// support in any way that the model has learned, upright if it has learned none; class,
     /// pose and completion asked for; outside of the grid unknown. Frame name, stamps and any other wish are then the caller's to set.
     ///
     /// # Errors
@@ -113,7 +114,7 @@ impl ObservationHeader {
         let voxels = voxel_count(grid.dims).ok_or(CarvedGridError::Dims(grid.dims))?;
         let header = Self {
             object_id: grid.object_id,
-            pose_search: PoseSearch::Yaw.code(),
+            pose_search: PoseSearch::Rest.code(),
             position_m: grid.position_m,
             orientation: grid.orientation,
             voxel_size_m: grid.voxel_size_m as f32,
@@ -167,7 +168,7 @@ mod tests {
         assert_eq!((header.dims, header.voxel_size_m, header.object_id), ([30, 20, 10], 0.005, 7));
         assert_eq!((header.position_m, header.orientation), (grid().position_m, grid().orientation));
         assert_eq!((header.view, header.sensor_position_m), (View::Camera.code(), [-0.8, 0.0, 0.4]));
-        assert_eq!((header.pose_search, header.scale_search), (PoseSearch::Yaw.code(), ScaleSearch::Search.code()));
+        assert_eq!((header.pose_search, header.scale_search), (PoseSearch::Rest.code(), ScaleSearch::Search.code()));
         assert_eq!((header.outside, header.unit, header.tasks), (Outside::Unknown.code(), Unit::Metres.code(), tasks::ALL));
         assert_eq!((header.cut, header.surface_deviation_m), (cut::BORDER, 0.002));
         assert_eq!([header.share_support, header.share_edge, header.share_far], [0.25, 0.125, 0.0625]);

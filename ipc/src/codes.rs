@@ -88,7 +88,7 @@ pub enum PoseSearch {
     /// The rotation is unknown.
     Full = 2,
     /// The object rests on a support plane below the grid (up is the grid's +z), in any of the poses in which its class can rest, turned
-    /// by any angle about the vertical.
+    /// by any angle about the vertical. In models that have learned no resting poses every class stands upright: then it is [`Self::Yaw`].
     Rest = 3,
 }
 checked_codes!(PoseSearch { Known, Yaw, Full, Rest });

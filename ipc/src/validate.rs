@@ -105,6 +105,11 @@ pub enum Refusal {
     /// Known, but not by this daemon and model.
     #[error("pose_search {0:?} is not supported by this daemon")]
     PoseSearchNotSupported(PoseSearch),
+    /// Any rotation is searched at a known size and place only.
+    #[error(
+        "any rotation (pose_search full) is searched only where size and place are known: ask for rest, all ways in which objects rest, or yaw"
+    )]
+    RotationAndSize,
     /// The deadline has passed: the answer would be of no use.
     #[error("its deadline passed {late_ns} ns before its turn: send fewer, or set deadline_ns (CLOCK_MONOTONIC) later")]
     Expired {
@@ -135,7 +140,7 @@ impl Refusal {
             | Self::Reserved(_)
             | Self::UnknownCode { .. } => PerceptStatus::BadHeader,
             Self::NothingSeen => PerceptStatus::NothingSeen,
-            Self::PoseSearchNotSupported(_) => PerceptStatus::PoseSearchNotSupported,
+            Self::PoseSearchNotSupported(_) | Self::RotationAndSize => PerceptStatus::PoseSearchNotSupported,
             Self::Expired { .. } => PerceptStatus::Expired,
             Self::Internal(_) => PerceptStatus::Internal,
         }
@@ -149,6 +154,7 @@ impl Refusal {
             Self::DimsNotOfModel { model: [x, y, z], .. } => u64::from(*x) | u64::from(*y) << 16 | u64::from(*z) << 32,
             Self::BadVoxel { index, .. } => *index as u64,
             Self::PoseSearchNotSupported(search) => u64::from(search.code()),
+            Self::RotationAndSize => u64::from(PoseSearch::Full.code()),
             Self::Expired { late_ns } => *late_ns,
             Self::NotFinite(_)
             | Self::BadVoxelSize(_)

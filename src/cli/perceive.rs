@@ -130,7 +130,7 @@ impl Perceive {
                     "class": names[percept.class],
                     "posterior": posterior,
                     "log_score": log_score,
-                    "none_probability": null,
+                    "none_probability": percept.none_probability,
                     "fit": null,
                     "resting_pose": percept.resting_pose,
                     "filtered": false,

@@ -12,7 +12,8 @@ use beo_ipc::tasks;
 use beo_ipc::text::to_field;
 use beo_ipc::validate::check_deadline;
 use beo_ipc::{
-    Hypothesis, LoanError, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, PerceptStatus, PoseSearch, Refusal, Server,
+    Hypothesis, LoanError, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, PerceptStatus, PoseSearch, Refusal, ScaleSearch,
+    Server,
 };
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -229,17 +230,18 @@ fn position(centre: [f64; 3], orientation: [f64; 4], point: &Vector3<f64>) -> [f
     (Vector3::from(centre) + from_xyzw(orientation) * point).into()
 }
 
-/// Why a valid header cannot be answered by this daemon, if so. `rests`: whether the model has learned resting poses.
-pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method, rests: bool) -> Option<Refusal> {
+/// Why a valid header cannot be answered by this daemon, if so.
+pub fn unsupported(header: &beo_ipc::ObservationHeader, model: [u32; 3], method: Method) -> Option<Refusal> {
     if header.dims != model {
         return Some(Refusal::DimsNotOfModel { dims: header.dims, model });
     }
-    if header.pose_search == PoseSearch::Rest.code() && !rests {
-        return Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest));
+    let is_full = header.pose_search == PoseSearch::Full.code();
+    // All of SO(3) is searched at one size and place. What a camera sees rests on something: its resting poses are searched.
+    if is_full && header.scale_search == ScaleSearch::Search.code() {
+        return Some(Refusal::RotationAndSize);
     }
     // The paper's method projects the observation once for each of two thousand rotations: half a minute, all others waiting.
-    let too_slow = header.pose_search == PoseSearch::Full.code() && method == Method::Paper;
-    too_slow.then_some(Refusal::PoseSearchNotSupported(PoseSearch::Full))
+    (is_full && method == Method::Paper).then_some(Refusal::PoseSearchNotSupported(PoseSearch::Full))
 }
 
 fn quaternion(rotation: &Rotation) -> [f32; 4] {
@@ -266,10 +268,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn resting_poses_are_refused_by_a_model_that_has_learned_none() {
-        let header = ObservationHeader { pose_search: PoseSearch::Rest.code(), ..ObservationHeader::new([30; 3]) };
-        let refused = unsupported(&header, [30; 3], Method::Auto, false);
-        assert!(matches!(refused, Some(Refusal::PoseSearchNotSupported(PoseSearch::Rest))));
-        assert!(unsupported(&header, [30; 3], Method::Auto, true).is_none());
+    fn any_rotation_is_not_searched_together_with_size_and_place() {
+        let header = ObservationHeader { pose_search: PoseSearch::Full.code(), ..ObservationHeader::new([30; 3]) };
+        assert!(unsupported(&header, [30; 3], Method::Auto).is_none());
+        let sized = ObservationHeader { scale_search: ScaleSearch::Search.code(), ..header };
+        let refused = unsupported(&sized, [30; 3], Method::Auto).unwrap();
+        assert!(matches!(refused, Refusal::RotationAndSize) && refused.to_string().contains("rest"));
+        let resting = ObservationHeader { pose_search: PoseSearch::Rest.code(), ..sized };
+        assert!(unsupported(&resting, [30; 3], Method::Auto).is_none());
     }
 }

@@ -209,8 +209,8 @@ impl Daemon {
             let header = observation.header();
             self.status.received += 1;
             self.status.overflowed += self.sequences.missing_before(header.producer_id, header.sequence, received_ns);
-            let (method, rests) = (self.options.recipe.query.method, self.model().has_resting_poses());
-            let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.status.dims, method, rests) {
+            let method = self.options.recipe.query.method;
+            let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.status.dims, method) {
                 Some(refusal) => Err(refusal),
                 None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
             });

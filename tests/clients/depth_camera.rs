@@ -58,7 +58,7 @@ fn all_send_the_same(segmentation: &str) {
         let codes = [0, 1, 255].map(|code| voxels.iter().filter(|voxel| **voxel == code).count());
         assert!(codes.iter().sum::<usize>() == voxels.len() && codes.iter().all(|count| *count > 40), "{codes:?}");
         assert_eq!((header.view, header.outside), (View::Camera.code(), Outside::Unknown.code()));
-        assert_eq!((header.scale_search, header.pose_search), (ScaleSearch::Search.code(), PoseSearch::Yaw.code()));
+        assert_eq!((header.scale_search, header.pose_search), (ScaleSearch::Search.code(), PoseSearch::Rest.code()));
         // The box's height, 14 cm, is two thirds of the grid; the camera is 0.33 m above its middle and 0.55 m before it.
         assert!((f64::from(header.voxel_size_m) * RESOLUTION as f64 * 2.0 / 3.0 - 0.14).abs() < 0.005, "{}", header.voxel_size_m);
         let [x, y, z] = header.sensor_position_m;

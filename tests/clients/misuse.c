@@ -241,7 +241,7 @@ static void from_depth_to_a_grid(void) {
     MUST(header.unit == BEO_UNIT_METRES && header.cut == 3 && header.share_support == 0.125f && header.surface_deviation_m == 0.25f);
     MUST(header.known_side_deviation_m == 0.5f);
     MUST(header.view == BEO_VIEW_CAMERA && header.outside == BEO_OUTSIDE_UNKNOWN && header.scale_search == BEO_SCALE_SEARCH_SEARCH);
-    MUST(header.pose_search == BEO_POSE_SEARCH_YAW && header.dims[1] == SIDE && header.known_side_m == 0.25f);
+    MUST(header.pose_search == BEO_POSE_SEARCH_REST && header.dims[1] == SIDE && header.known_side_m == 0.25f);
     /* Up is towards the camera: it is above the grid. */
     MUST(fabs((double)header.sensor_position_m[2] - 0.9) < 1e-3 && header.position_m[2] == grid.position_m[2]);
     MUST(strcmp((const char *)header.frame_id, "camera") == 0);

@@ -90,8 +90,9 @@ pub struct Camera {
     /// Half the width of the band in which voxels count as filled, in standard deviations
     #[arg(long, value_name = "N", default_value_t = SensorModel::default().deviations)]
     pub(super) sensor_deviations: f64,
-    /// What is known of the pose
-    #[arg(long, value_enum, default_value_t = PoseArgument::Yaw)]
+    /// What is known of the pose. By default objects rest on their support in any way that the model has learned, or stand upright if it has
+    /// learned none
+    #[arg(long, value_enum, default_value_t = PoseArgument::Rest)]
     pub(super) pose: PoseArgument,
     /// Name of the camera's frame [default: that of the camera_info's header, or `camera`]
     #[arg(long, value_name = "NAME")]

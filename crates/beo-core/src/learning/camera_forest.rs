@@ -56,7 +56,8 @@ impl Measured {
             })
             .collect();
         counts.push(counts.iter().sum::<usize>() / classes.max(1));
-        let jobs: Vec<(usize, usize)> = counts.iter().enumerate().flat_map(|(outcome, n)| (0..*n).map(move |view| (outcome, view))).collect();
+        let jobs: Vec<(usize, usize)> =
+            counts.iter().enumerate().flat_map(|(outcome, n)| (0..*n).map(move |view| (outcome, view))).collect();
         let see = |&(outcome, view): &(usize, usize)| -> Option<(usize, Vec<f32>)> {
             let mut rng = stream(views.seed ^ salt, 1 << 24 | outcome as u64, view as u64);
             let [lowest, highest] = [views.elevations[0], views.elevations[views.elevations.len() - 1]];

@@ -125,8 +125,8 @@ pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng
             shift[1 - axis] = rng.random_range(-0.2..0.2);
         }
         let shape = |shape: &'_ AtRest, unit, centre, scale| (shape.finest().clone(), unit, centre, scale);
-        let [(a, ua, ca, sa), (b, ub, cb, sb)] =
-            [shape(first, unit_a, Vector3::zeros(), 1.0), shape(second, unit_b, shift, ratio)].map(|(g, u, c, s)| (g, u, c / largest, s / largest));
+        let [(a, ua, ca, sa), (b, ub, cb, sb)] = [shape(first, unit_a, Vector3::zeros(), 1.0), shape(second, unit_b, shift, ratio)]
+            .map(|(g, u, c, s)| (g, u, c / largest, s / largest));
         let upright = Rotation::identity();
         let pieces = [
             Piece { solid: Solid::Shape(&a, ua), rotation: upright, centre: ca, scale: sa },

@@ -5,8 +5,8 @@ use super::container::{self, Dtype, Tensor};
 use super::first_touch::{FirstTouch, PIECE, checksums};
 use super::opened::Opened;
 use super::{
-    Basis, CameraCalibration, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, Forest, HullDensity, MOST_COMPONENTS, Metadata, Model,
-    OFFSETS, Searched, ViewDensities, YAWS, levels_of,
+    Basis, CameraCalibration, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, Forest, HullDensity,
+    MOST_COMPONENTS, Metadata, Model, OFFSETS, Searched, ViewDensities, YAWS, levels_of,
 };
 use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use crate::grid::{Dims, Pooling};
@@ -535,8 +535,7 @@ fn forest(file: &Opened, metadata: &Metadata) -> Result<Option<Forest>, ModelErr
     }
     let outcomes = metadata.classes.len() + 1;
     let length = |name: &str, bytes: u64| Ok::<_, ModelError>((file.bytes_of(name)? / bytes) as usize);
-    let (trees, nodes, leaves) =
-        (length("forest_root", 4)?, length("forest_input", 1)?, length("forest_share", 2 * outcomes as u64)?);
+    let (trees, nodes, leaves) = (length("forest_root", 4)?, length("forest_input", 1)?, length("forest_share", 2 * outcomes as u64)?);
     let forest = Forest {
         inputs: MEASURES,
         outcomes,

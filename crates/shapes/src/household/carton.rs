@@ -5,8 +5,8 @@
 //! Typical sizes, metres, are those printed on or measured of goods of European and North American supermarkets (retailers' product pages
 //! state outer sizes; those of drinks follow from the filling machines' standard bases, such as 95 × 65 and 70 × 70 mm).
 
-use super::solid::Ring;
 use super::random::Random;
+use super::solid::Ring;
 use super::solid::Solid;
 use nalgebra::{Point3, Rotation3, Vector3};
 

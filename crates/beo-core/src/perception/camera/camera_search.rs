@@ -5,7 +5,7 @@
 //! scores all steps of yaw at the size that what is visible suggests.
 
 use super::scores::log_share;
-use super::{CameraScores, Cell, KnownPlacement, Placement, MeasureScratch, Refined, SEEN, ViewFrame, ViewWork, measure, refine};
+use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, Placement, Refined, SEEN, ViewFrame, ViewWork, measure, refine};
 use crate::grid::{Observation, Outside, Placed, Rotation, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;

@@ -9,7 +9,7 @@
 
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
 use crate::grid::{Observation, Placed, Rotation};
-use crate::model::{CameraDensities, Forest, Component, OFFSETS, SizeDensity, YAWS};
+use crate::model::{CameraDensities, Component, Forest, OFFSETS, SizeDensity, YAWS};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::densities::packed::PackedGaussian;
 use crate::perception::kernels::lanes::dot;

@@ -61,12 +61,8 @@ impl Blend {
     /// Log posterior of a class, up to a constant that is common to all. A score that has no weight does not count, even if it is −∞.
     pub(crate) fn log_posterior(&self, class: usize, scores: ClassScores, log_prior: f64) -> f64 {
         let mut sum = self.offsets.get(class).copied().unwrap_or(0.0) + log_prior;
-        let weighed = [
-            (self.hull, scores.hull),
-            (self.evidence, scores.evidence),
-            (self.distance, scores.distance),
-            (self.forest, scores.forest),
-        ];
+        let weighed =
+            [(self.hull, scores.hull), (self.evidence, scores.evidence), (self.distance, scores.distance), (self.forest, scores.forest)];
         for (weight, score) in weighed {
             if weight != 0.0 {
                 sum += weight * score;
