@@ -147,7 +147,7 @@ impl Perceive {
                 let (name, p) = ranked[0];
                 let pose = match query.pose {
                     PoseSearch::Known => String::new(),
-                    _ => format!(", {}", describe_pose(&percept.rotation, percept.rotation_spread_rad)),
+                    _ => format!(", {}", describe_pose(&percept.rotation_object_to_grid, percept.rotation_spread_rad)),
                 };
                 say!("{}: {name} {:.1} % ({}){pose}, {filled} voxels filled", file.display(), 100.0 * p, others.join(", "));
             }

@@ -160,11 +160,11 @@ impl Shown {
             deviation: percept.deviation.clone(),
             classes: names.iter().map(|name| (*name).to_owned()).zip(percept.posterior.iter().copied()).collect(),
             poses: if searched { percept.hypotheses.iter().map(|h| (h.rotation, h.probability)).collect() } else { Vec::new() },
-            pose: Some(percept.rotation),
+            pose: Some(percept.rotation_object_to_grid),
             placement: GridPlacement::default(),
             origin: camera.map(|camera| (camera.into(), "camera".into())),
-            object_box: percept.object_box.map(|found| (percept.placed.shift.into(), found.extent_voxels)),
-            notes: if searched { vec![describe_pose(&percept.rotation, percept.rotation_spread_rad)] } else { Vec::new() },
+            object_box: percept.object_box.map(|found| (percept.placed.translation_voxels.into(), found.extent_voxels)),
+            notes: if searched { vec![describe_pose(&percept.rotation_object_to_grid, percept.rotation_spread_rad)] } else { Vec::new() },
         }
     }
 

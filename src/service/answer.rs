@@ -178,7 +178,7 @@ fn complete(classified: Classified<'_>, model_id: u64, query: &Query, server: &S
     header.model_id = model_id;
     header.class_index = answer.class as u32;
     header.method = method_code(query.method).code();
-    header.rotation_object_to_grid = quaternion(&answer.rotation);
+    header.rotation_object_to_grid = quaternion(&answer.rotation_object_to_grid);
     header.none_probability = BeyondClass::of(answer).none_probability;
     header.frame = asked.completion_frame;
     if query.frame == Frame::Object {
@@ -212,7 +212,7 @@ impl BeyondClass {
 fn place(percept: &mut Percept, answer: &perception::Percept) {
     let voxel = f64::from(percept.voxel_size_m);
     let metres = |lengths: [f64; 3]| lengths.map(|v| (v * voxel) as f32);
-    percept.object_position_m = position(percept.position_m, percept.orientation, &(answer.placed.shift * voxel));
+    percept.object_position_m = position(percept.position_m, percept.orientation, &(answer.placed.translation_voxels * voxel));
     if let Some(found) = &answer.object_box {
         percept.object_extent_m = metres(found.extent_voxels);
         percept.object_extent_deviation_m = metres(found.extent_deviation_voxels);
@@ -222,7 +222,7 @@ fn place(percept: &mut Percept, answer: &perception::Percept) {
 
 /// The object's centre in the frame in which the grid's placement is given, metres.
 fn object_position(header: &ObservationHeader, answer: &perception::Percept) -> [f64; 3] {
-    position(header.position_m, header.orientation, &(answer.placed.shift * f64::from(header.voxel_size_m)))
+    position(header.position_m, header.orientation, &(answer.placed.translation_voxels * f64::from(header.voxel_size_m)))
 }
 
 /// A point of the grid (metres from its centre) in the frame in which the grid lies so.

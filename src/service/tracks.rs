@@ -59,7 +59,11 @@ mod tests {
 
     fn percept(angle: f64) -> Percept {
         let rotation = yaw(angle);
-        Percept { rotation, hypotheses: vec![Hypothesis { rotation, class: 0, probability: 1.0 }], ..Percept::default() }
+        Percept {
+            rotation_object_to_grid: rotation,
+            hypotheses: vec![Hypothesis { rotation, class: 0, probability: 1.0 }],
+            ..Percept::default()
+        }
     }
 
     fn belief() -> ClassBelief {

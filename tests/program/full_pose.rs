@@ -29,8 +29,8 @@ fn a_turned_chair_is_found_where_it_is_and_not_turned_the_other_way() {
         let rotation = draw_rotation(PoseSearch::Full, 1, place);
         let percept = answer(&seen(&chair(100 + place as u64), &rotation), &told("chair"));
         assert_eq!(furniture::CLASSES[percept.class], "chair");
-        right += usize::from(percept.rotation.angle_to(&rotation) < 15_f64.to_radians());
-        inverse += usize::from(percept.rotation.angle_to(&rotation.inverse()) < 15_f64.to_radians());
+        right += usize::from(percept.rotation_object_to_grid.angle_to(&rotation) < 15_f64.to_radians());
+        inverse += usize::from(percept.rotation_object_to_grid.angle_to(&rotation.inverse()) < 15_f64.to_radians());
         assert!(percept.hypotheses.iter().all(|h| h.class == percept.class));
     }
     assert!(right >= 20 && inverse <= 3, "{right} {inverse}");
@@ -44,7 +44,7 @@ fn turning_the_query_turns_the_answer() {
         for quarter in 1..4 {
             let turn = yaw(f64::from(quarter) * FRAC_PI_2);
             let percept = answer(&seen(&object, &(turn * rotation)), &query());
-            assert!(percept.rotation.angle_to(&(turn * first.rotation)) < 6_f64.to_radians());
+            assert!(percept.rotation_object_to_grid.angle_to(&(turn * first.rotation_object_to_grid)) < 6_f64.to_radians());
             for (a, b) in percept.posterior.iter().zip(&first.posterior) {
                 assert!((a - b).abs() < 0.1, "{a} {b}");
             }
@@ -66,7 +66,7 @@ fn every_method_answers_views_and_other_observations() {
                 assert!((percept.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{method}");
                 assert!(percept.occupancy.iter().chain(&percept.deviation).all(|v| v.is_finite()), "{method}");
                 assert!(!percept.hypotheses.is_empty() && percept.rotation_spread_rad.is_finite(), "{method}");
-                let error = percept.rotation.angle_to(&truth).to_degrees();
+                let error = percept.rotation_object_to_grid.angle_to(&truth).to_degrees();
                 assert!(![Method::Auto, Method::Evidence].contains(&method) || error < 15.0, "{method}, {outside:?}: {error}");
             }
         }
@@ -91,7 +91,7 @@ fn a_rotation_prior_decides_between_what_looks_alike() {
         let expected = yaw(f64::from(quarter) * FRAC_PI_2);
         let query = Query { rotation_prior: RotationPrior::around(expected, concentration), ..told("table") };
         let percept = answer(&observation, &query);
-        let error = percept.rotation.angle_to(&expected).to_degrees();
+        let error = percept.rotation_object_to_grid.angle_to(&expected).to_degrees();
         assert!(error < if concentration > 100.0 { 6.0 } else { 20.0 }, "{quarter}, {concentration}: {error}");
         assert!(percept.rotation_spread_rad < 0.5, "{}", percept.rotation_spread_rad);
     }
@@ -101,7 +101,11 @@ fn a_rotation_prior_decides_between_what_looks_alike() {
     let wrong = rotation * Rotation::from_axis_angle(&Vector3::y_axis(), 2.0);
     let query = Query { rotation_prior: RotationPrior::mixture([(wrong, 1.0)], 400.0, 0.3), ..told("chair") };
     let percept = answer(&seen(&object, &rotation), &query);
-    assert!(percept.rotation.angle_to(&rotation) < 15_f64.to_radians(), "{}", percept.rotation.angle_to(&rotation));
+    assert!(
+        percept.rotation_object_to_grid.angle_to(&rotation) < 15_f64.to_radians(),
+        "{}",
+        percept.rotation_object_to_grid.angle_to(&rotation)
+    );
 }
 
 #[test]
@@ -114,8 +118,10 @@ fn an_object_that_tumbles_is_followed() {
         let (mut query, mut rotation, mut last, mut flips) = (told(class), start, None, 0);
         for _ in 0..60 {
             let percept = answer(&seen(&object, &rotation), &query);
-            flips += usize::from(last.is_some_and(|last: Rotation| (step * last).angle_to(&percept.rotation) > 30_f64.to_radians()));
-            last = Some(percept.rotation);
+            flips += usize::from(
+                last.is_some_and(|last: Rotation| (step * last).angle_to(&percept.rotation_object_to_grid) > 30_f64.to_radians()),
+            );
+            last = Some(percept.rotation_object_to_grid);
             if followed {
                 query.rotation_prior = RotationPrior::continuing(&percept);
             }

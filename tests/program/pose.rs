@@ -57,7 +57,7 @@ fn quarter_turns_of_the_query_turn_the_answer_exactly() {
             for (a, b) in upright.posterior.iter().zip(&turned.posterior) {
                 assert!((a - b).abs() < 1e-4, "{a} {b}");
             }
-            assert!(apart(yaw_of(&turned.rotation), yaw_of(&upright.rotation) + angle) < 1e-6, "{class}");
+            assert!(apart(yaw_of(&turned.rotation_object_to_grid), yaw_of(&upright.rotation_object_to_grid) + angle) < 1e-6, "{class}");
             // The completion turns with it, in the grid; in the object's frame it stays.
             let turn = Turn::new(dims(), &yaw(angle));
             let mut expected = vec![0.0; upright.occupancy.len()];
@@ -80,7 +80,7 @@ fn turning_the_query_turns_the_answer_whatever_the_method() {
         for degrees in [0.0, 37.0, 200.0] {
             let angle = f64::to_radians(degrees);
             let percept = answer(&seen(&object, &yaw(angle)), &query);
-            let found = yaw_of(&percept.rotation);
+            let found = yaw_of(&percept.rotation_object_to_grid);
             assert!(apart(found, angle) < 0.15, "{method}: {} for {degrees}", found.to_degrees());
             assert!(percept.posterior.iter().all(|p| p.is_finite()) && (percept.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9);
             assert!(percept.occupancy.iter().chain(&percept.deviation).all(|v| v.is_finite()));
@@ -94,7 +94,7 @@ fn the_papers_estimators_find_a_turned_chair() {
     for paper_pose in [PaperPose::Edt, PaperPose::Density, PaperPose::Distance, PaperPose::Reprojection] {
         let query = Query { method: Method::Paper, pose: PoseSearch::Yaw { span: PI }, paper_pose, ..Query::default() };
         let found = answer(&seen(&object, &yaw(1.0)), &query);
-        assert!(apart(yaw_of(&found.rotation), 1.0) < 0.2, "{paper_pose:?}: {}", yaw_of(&found.rotation));
+        assert!(apart(yaw_of(&found.rotation_object_to_grid), 1.0) < 0.2, "{paper_pose:?}: {}", yaw_of(&found.rotation_object_to_grid));
     }
 }
 
@@ -123,7 +123,11 @@ fn a_rotation_prior_decides_between_what_looks_alike_and_a_known_class_is_kept()
         let expected = f64::from(quarter) * FRAC_PI_2;
         let query = Query { rotation_prior: RotationPrior::around(yaw(expected + 0.1), 20.0), ..yaw_query() };
         let percept = answer(&observation, &query);
-        assert!(apart(yaw_of(&percept.rotation), expected) < 0.15, "{} {expected}", yaw_of(&percept.rotation));
+        assert!(
+            apart(yaw_of(&percept.rotation_object_to_grid), expected) < 0.15,
+            "{} {expected}",
+            yaw_of(&percept.rotation_object_to_grid)
+        );
         assert!(percept.rotation_spread_rad < 0.3);
     }
     let only = |class: usize| (0..10).map(|s| if s == class { 0.0 } else { f64::NEG_INFINITY }).collect();

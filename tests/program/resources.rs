@@ -380,7 +380,7 @@ fn a_training_replaces_its_result_and_nothing_else() {
     // Two at once, to one name: either's is whole.
     std::thread::scope(|scope| {
         let both = [(); 2].map(|()| scope.spawn(|| train(&other)));
-        both.map(|training| assert!(training.join().unwrap().status.success()));
+        both.into_iter().for_each(|training| assert!(training.join().unwrap().status.success()));
     });
     assert_eq!(std::fs::read(&out).unwrap(), std::fs::read(&other).unwrap());
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();

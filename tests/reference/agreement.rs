@@ -149,7 +149,7 @@ fn turned_objects_are_completed_as_by_the_plain_equations() {
         let query = Query { pose, completion: true, frame: Frame::Object, ..Query::default() };
         let seen = from_above(object, &yaw(0.7 * i as f64));
         let percept = answer(&seen, &query);
-        let back = Turn::new(dims(), &percept.rotation.inverse()).observation(&seen, Outside::Empty);
+        let back = Turn::new(dims(), &percept.rotation_object_to_grid.inverse()).observation(&seen, Outside::Empty);
         let completion = REFERENCE.complete(&back, &percept.posterior);
         largest_of_voxels(&percept.occupancy, &completion.occupancy).max(largest_of_voxels(&percept.deviation, &completion.deviation))
     });

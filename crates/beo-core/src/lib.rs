@@ -39,7 +39,7 @@
 //! | evidence | probability density of the known voxels under a class, its shape integrated out; here relative to a background without a class |
 //! | blend | weights of scores, and an offset per class, that turn scores into a calibrated posterior; fitted on objects that were held out |
 //! | hypothesis | a mode of the posterior over class and pose, with its probability |
-//! | similarity | rotation, scale and shift that take the object's canonical grid to the grid that was observed |
+//! | similarity | rotation, scale and translation ([`grid::Similarity`]) that take the object's canonical grid to the grid that was observed |
 //! | canonical grid, object frame | the grid in which the training shapes stand, z up |
 //! | support plane | the plane that an object rests on; it is not part of the object |
 //! | level | a smaller grid of the same space, on which poses are searched if the model's own is too large |

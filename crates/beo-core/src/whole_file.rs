@@ -63,17 +63,6 @@ impl WholeFile {
         &self.file
     }
 
-    /// Takes up a file that someone else has put in the place of the temporary one.
-    ///
-    /// # Errors
-    /// The system's own.
-    pub fn take_up(&mut self) -> io::Result<()> {
-        if let Some(temporary) = &self.temporary {
-            self.file = OpenOptions::new().write(true).open(temporary)?;
-        }
-        Ok(())
-    }
-
     /// Brings the content to the disk and gives it the name.
     ///
     /// # Errors

@@ -182,7 +182,7 @@ fn every_search_recovers_a_planted_pose() {
             let found = search.ask(&planted.seen, &Query { log_prior: told, ..query });
             assert_eq!(found.class, planted.class, "{}", search.name);
             assert!((found.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{}", search.name);
-            found.rotation.angle_to(&planted.truth).to_degrees() < search.tolerance_deg
+            found.rotation_object_to_grid.angle_to(&planted.truth).to_degrees() < search.tolerance_deg
         };
         let recovered = (0..search.planted).filter(recovers).count();
         assert!(recovered >= search.recovered, "{}: {recovered} of {}", search.name, search.planted);
@@ -205,7 +205,7 @@ fn every_search_respects_the_priors() {
         let elsewhere = yaw(1.5) * planted.truth;
         let certain = Query { rotation_prior: RotationPrior::around(elsewhere, 3e4), ..query };
         let found = search.ask(&planted.seen, &certain);
-        let apart = found.rotation.angle_to(&elsewhere).to_degrees();
+        let apart = found.rotation_object_to_grid.angle_to(&elsewhere).to_degrees();
         assert!(apart < 20.0, "{}: {apart} degrees from where the object is said to be", search.name);
     }
 }
@@ -230,7 +230,7 @@ fn every_search_turns_with_what_it_is_shown() {
         }
         let after = search.ask(&turned.seen, &query);
         assert_eq!(before.class, after.class, "{}", search.name);
-        let apart = (yaw(QUARTER) * before.rotation).angle_to(&after.rotation).to_degrees();
+        let apart = (yaw(QUARTER) * before.rotation_object_to_grid).angle_to(&after.rotation_object_to_grid).to_degrees();
         assert!(apart < search.turns_within_deg, "{}: {apart} degrees", search.name);
         for (a, b) in before.posterior.iter().zip(&after.posterior) {
             assert!((a - b).abs() < 5e-3, "{}: {a} {b}", search.name);
@@ -248,7 +248,12 @@ fn every_search_answers_the_same_on_any_number_of_threads() {
             pool.install(|| search.ask(&planted.seen, &query))
         };
         let (one, three) = (on(1), on(3));
-        assert_eq!((&one.posterior, &one.scores, one.rotation), (&three.posterior, &three.scores, three.rotation), "{}", search.name);
+        assert_eq!(
+            (&one.posterior, &one.scores, one.rotation_object_to_grid),
+            (&three.posterior, &three.scores, three.rotation_object_to_grid),
+            "{}",
+            search.name
+        );
         assert_eq!((one.hypotheses, one.placed), (three.hypotheses, three.placed), "{}", search.name);
         assert!(one.occupancy == three.occupancy && one.deviation == three.deviation, "{}", search.name);
     }

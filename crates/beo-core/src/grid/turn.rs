@@ -4,7 +4,7 @@
 //! turns about an axis are exact permutations.
 
 use super::rotation::{Rotation, yaw_of};
-use super::{Dims, Observation, Occupancy, Placed};
+use super::{Dims, Observation, Occupancy, Similarity};
 use fixedbitset::FixedBitSet;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -66,7 +66,7 @@ impl Turn {
     }
 
     /// Becomes the way from the grid to the object's canonical grid: what the object looks like there.
-    pub fn set_to_object(&mut self, placed: &Placed) {
+    pub fn set_to_object(&mut self, placed: &Similarity) {
         if placed.is_turned_only() {
             return self.set(&placed.rotation.inverse());
         }
@@ -75,7 +75,7 @@ impl Turn {
     }
 
     /// Becomes the way from the object's canonical grid to the grid in which it is placed.
-    pub fn set_to_grid(&mut self, placed: &Placed) {
+    pub fn set_to_grid(&mut self, placed: &Similarity) {
         if placed.is_turned_only() {
             return self.set(&placed.rotation);
         }

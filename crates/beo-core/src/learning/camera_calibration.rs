@@ -231,7 +231,7 @@ fn spread(
         }
         let (placed, found) = out.placement?;
         // The grid of a view lies along its frame.
-        let away = placed.shift - sample.placed.shift;
+        let away = placed.translation_voxels - sample.placed.translation_voxels;
         let length = |axis: usize| sample.lengths[axis] * sample.placed.scale;
         Some(Ok([
             std::array::from_fn(|axis| away[axis].abs() / found.position_deviation_voxels[axis].max(1e-6)),

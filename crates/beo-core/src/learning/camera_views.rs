@@ -2,7 +2,7 @@
 
 use super::resting::{Resting, resting_poses};
 use super::sizes::kinds;
-use crate::grid::{Dims, Observation, Occupancy, Placed, Rotation, Turn, yaw};
+use crate::grid::{Dims, Observation, Occupancy, Rotation, Similarity, Turn, yaw};
 use crate::model::{Component, OFFSETS};
 use crate::perception::camera::ViewFrame;
 use crate::simulation::{Eye, Sensing, View};
@@ -156,7 +156,7 @@ pub struct Sample {
     /// The observation.
     pub observation: Observation,
     /// How the shape's canonical grid truly lies.
-    pub placed: Placed,
+    pub placed: Similarity,
     /// Edge of a voxel of the observation, metres, if the shape's size is known.
     pub voxel_m: Option<f64>,
     /// Lengths of the box about the shape along its canonical axes, voxels of its own grid.
@@ -223,7 +223,7 @@ impl AtRest {
         view.carve(dims, &axes, &centre, edge, &mut bytes, &mut observation);
         let grid_from_object = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
         let rotation = yaw(turned) * self.rotation;
-        let placed = Placed { rotation, scale: fineness / edge, shift: grid_from_object(Vector3::zeros()) };
+        let placed = Similarity { rotation, scale: fineness / edge, translation_voxels: grid_from_object(Vector3::zeros()) };
         let camera = grid_from_object(eye.position());
         let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
         let longest = self.lengths.into_iter().fold(0.0, f64::max);

@@ -5,7 +5,7 @@ use super::percept::{Hypothesis, Percept};
 use super::pose::posterior::Modes;
 use super::query::{PoseSearch, Query};
 use super::scored::{MODE_RADIUS, Scored};
-use crate::grid::{Placed, Rotation};
+use crate::grid::{Rotation, Similarity};
 
 /// Decides: writes the most probable class, the modes of the posterior over class and pose, and how the object lies.
 pub(super) fn decide(query: &Query, scored: &Scored, modes: &mut Modes, percept: &mut Percept) {
@@ -33,12 +33,12 @@ pub(super) fn decide(query: &Query, scored: &Scored, modes: &mut Modes, percept:
         if let Some(nearest) = near.min_by(|a, b| a.rotation.angle_to(&placed.rotation).total_cmp(&b.rotation.angle_to(&placed.rotation))) {
             nearest.rotation = placed.rotation;
         }
-        (percept.rotation, percept.placed, percept.object_box) = (placed.rotation, placed, Some(object_box));
+        (percept.rotation_object_to_grid, percept.placed, percept.object_box) = (placed.rotation, placed, Some(object_box));
         return;
     }
-    percept.rotation = match query.pose {
+    percept.rotation_object_to_grid = match query.pose {
         PoseSearch::Known => Rotation::identity(),
         _ => percept.hypotheses.iter().find(|h| h.class == class).map_or(Rotation::identity(), |h| h.rotation),
     };
-    percept.placed = Placed::turned(percept.rotation);
+    percept.placed = Similarity::turned(percept.rotation_object_to_grid);
 }

@@ -93,7 +93,7 @@ impl LevelSearch<'_> {
         for stage in [&mut clock.timings.projected, &mut clock.timings.classified, &mut clock.timings.posed] {
             *stage += started;
         }
-        percept.placed.shift *= factor;
+        percept.placed.translation_voxels *= factor;
         if let Some(found) = &mut percept.object_box {
             let lengths = [&mut found.extent_voxels, &mut found.extent_deviation_voxels, &mut found.position_deviation_voxels];
             lengths.into_iter().flatten().for_each(|length| *length *= factor);
@@ -162,7 +162,7 @@ impl LevelSearch<'_> {
             }
             if Some(n) == answered {
                 refine(self.evidence, seen, fine, FULL_STEPS)?;
-                (percept.rotation, percept.placed.rotation) = (hypothesis.rotation, hypothesis.rotation);
+                (percept.rotation_object_to_grid, percept.placed.rotation) = (hypothesis.rotation, hypothesis.rotation);
             }
         }
         Ok(())

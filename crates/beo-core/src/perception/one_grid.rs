@@ -16,7 +16,7 @@ use super::prepared::{Here, Prepared};
 use super::query::{Method, PoseSearch, Query};
 use super::scored::Scored;
 use super::timings::Clock;
-use crate::grid::{Observation, Placed};
+use crate::grid::{Observation, Similarity};
 use crate::model::Model;
 use std::sync::Arc;
 
@@ -88,7 +88,7 @@ impl OneGrid {
         work.frame.take_as_it_came(rows, &work.seen)?;
         self.score(query, work)?;
         decide(query, &work.scored, &mut work.modes, percept);
-        if query.pose != PoseSearch::Known || percept.placed != Placed::default() {
+        if query.pose != PoseSearch::Known || percept.placed != Similarity::default() {
             work.frame.take_moved(rows, &work.seen, &percept.placed, query.outside)?;
             work.posteriors.forget();
         }

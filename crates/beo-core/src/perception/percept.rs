@@ -1,6 +1,6 @@
 //! The percept that answers a query.
 
-use crate::grid::{Placed, Rotation};
+use crate::grid::{Rotation, Similarity};
 use crate::perception::timings::Timings;
 
 /// The box about the object, along its own axes, as a camera's view and the search for size and place give it. Lengths in voxels of the
@@ -39,10 +39,10 @@ pub struct Percept {
     /// log p(known voxels | s) of the classes whose evidence was computed, at the pose that was answered, else 0.
     pub log_evidence: Vec<f64>,
     /// The pose that is answered and completed: the most probable one of the most probable class, from object axes to grid axes.
-    pub rotation: Rotation,
-    /// How the object lies in the grid: `rotation`, and size and place where they were searched. Its shift is where the centre of the
+    pub rotation_object_to_grid: Rotation,
+    /// How the object lies in the grid: its rotation, and size and place where they were searched. Its translation is where the centre of the
     /// object's box lies.
-    pub placed: Placed,
+    pub placed: Similarity,
     /// The object's box; `None` where it was not estimated.
     pub object_box: Option<ObjectBox>,
     /// Modes of the posterior over class and pose, most probable first.

@@ -1,7 +1,7 @@
 //! Scores of classes and poses, as the decision takes them over.
 
 use super::percept::ObjectBox;
-use crate::grid::{Placed, Rotation};
+use crate::grid::{Rotation, Similarity};
 
 /// Which classes take part, one value per class.
 pub(super) type ClassMask = [bool];
@@ -36,7 +36,7 @@ pub(crate) struct Scored {
     /// Weighted rotations of every class; none in known pose.
     pub samples: Vec<Sample>,
     /// How the object of the most probable class lies, if size and place were refined.
-    pub placement: Option<(Placed, ObjectBox)>,
+    pub placement: Option<(Similarity, ObjectBox)>,
     /// Its component among those of the model, if resting poses were searched.
     pub resting_pose: Option<usize>,
     /// Probability that the thing belongs to no class, if the model has learned to tell.

@@ -3,7 +3,7 @@
 use super::metrics::{self, CalibrationFigures, completion_errors};
 pub use super::metrics::{Milliseconds, PlacementErrors, PlacementFigures, PoseErrors, PoseFigures};
 use super::viewpoint::{Posed, Viewpoint};
-use beo_core::grid::{Observation, Occupancy, Placed, Rotation, Turn};
+use beo_core::grid::{Observation, Occupancy, Rotation, Similarity, Turn};
 use beo_core::learning::{Shape, ShapeSet};
 use beo_core::perception::{Method, PerceiveError, Perceiver, Percept, PoseSearch, Query, ScaleSearch};
 use rand::SeedableRng;
@@ -179,7 +179,7 @@ pub fn evaluate(
         perceiver.classify(observation, &query, &mut work, &mut percept)?.complete()?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         let mut mean: Vec<f32> = (0..dims.voxels()).map(|v| perceiver.class_mean(percept.class, v)).collect();
-        if percept.placed != Placed::default() {
+        if percept.placed != Similarity::default() {
             let upright = mean.clone();
             turn.set_to_grid(&percept.placed);
             turn.values(&upright, 0.0, &mut mean);
@@ -190,7 +190,7 @@ pub fn evaluate(
         sums.iou_unknown_mean_baseline += figures.iou_unknown_mean_baseline;
         sums.iou_all_mean_baseline += figures.iou_all_mean_baseline;
         sums.l2 += figures.l2;
-        let pose_error = (query.pose != PoseSearch::Known).then(|| posed.errors(shape, query.pose, &percept.rotation));
+        let pose_error = (query.pose != PoseSearch::Known).then(|| posed.errors(shape, query.pose, &percept.rotation_object_to_grid));
         pose_errors.extend(pose_error);
         placement.extend((query.scale != ScaleSearch::Known).then(|| posed.placement_errors(shape, &percept)));
         per_query.push(QueryFigures { truth, right: percept.class == truth, l2: figures.l2, ms, pose_error });

@@ -4,7 +4,7 @@ use super::metrics::{PlacementErrors, PoseErrors};
 use super::rotations::draw_rotation;
 use super::symmetry::{Symmetries, rotation_error};
 use beo_camera::Fusion;
-use beo_core::grid::{Observation, Occupancy, Outside, Placed, Rotation, Turn, View, yaw};
+use beo_core::grid::{Observation, Occupancy, Outside, Rotation, Similarity, Turn, View, yaw};
 use beo_core::learning::Shape;
 use beo_core::perception::{Percept, PoseSearch, Query, ScaleSearch};
 use beo_core::simulation::{self, Conditions, Eye};
@@ -70,7 +70,7 @@ impl Viewpoint {
 /// A shape as it is asked about.
 pub struct Posed {
     /// How it truly lies in the grid.
-    pub placed: Placed,
+    pub placed: Similarity,
     /// The object in the grid.
     pub object: Occupancy,
     /// What is seen of it.
@@ -89,7 +89,7 @@ impl Posed {
         };
         let Viewpoint::Camera { elevation_deg, azimuths, distance, fused, scale_search } = viewpoint else {
             let observation = View::Top.of(&object);
-            return Self { placed: Placed::turned(rotation), object, observation, camera: None };
+            return Self { placed: Similarity::turned(rotation), object, observation, camera: None };
         };
         let dims = object.dims();
         let size = object.bounds().map_or(1, |[low, high]| (0..3).map(|a| high[a] - low[a]).max().unwrap_or(1)) as f64;
@@ -130,7 +130,7 @@ impl Posed {
             observation.read(&bytes).expect("the three codes");
         }
         let into_grid = |point: Vector3<f64>| axes.inverse() * (point - centre) / edge;
-        let placed = Placed { rotation: axes.inverse() * rotation, scale: 1.0 / edge, shift: into_grid(Vector3::zeros()) };
+        let placed = Similarity { rotation: axes.inverse() * rotation, scale: 1.0 / edge, translation_voxels: into_grid(Vector3::zeros()) };
         let object = if scale_search {
             let mut turn = Turn::new(dims, &Rotation::identity());
             turn.set_to_grid(&placed);
@@ -159,7 +159,7 @@ impl Posed {
         let [low, high] = shape.object.bounds().unwrap_or([[0; 3], [1; 3]]);
         let lengths: [f64; 3] = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 * self.placed.scale);
         let longest = lengths.into_iter().fold(0.0, f64::max);
-        let away = percept.placed.shift - self.placed.shift;
+        let away = percept.placed.translation_voxels - self.placed.translation_voxels;
         let mut errors = PlacementErrors {
             centre: away.norm() / longest,
             size: (percept.placed.scale / self.placed.scale).ln().abs(),

@@ -72,7 +72,7 @@ impl BasisRows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Occupancy, Outside, Placed, View, yaw};
+    use crate::grid::{Occupancy, Outside, Similarity, View, yaw};
     use crate::model::Searched;
     use crate::perception::evidence::placed::EvidenceScratch;
     use crate::perception::pose::small::{model, perceiver, unseen};
@@ -130,7 +130,7 @@ mod tests {
         for angle in [0.0, 0.3, 1.9] {
             let rotation = yaw(angle);
             let (mut whole, mut part) = (EvidenceScratch::new(place.model().dims()), EvidenceScratch::new(place.model().dims()));
-            let expected = evidence.of_placed(&seen, &Placed::turned(rotation), Outside::Empty, 0, &mut whole).unwrap();
+            let expected = evidence.of_placed(&seen, &Similarity::turned(rotation), Outside::Empty, 0, &mut whole).unwrap();
             let known = whole.frame().known();
             let mut sums = crate::perception::SharedSums::default();
             rows.sum_turned(&seen, &rotation, Outside::Empty, &mut sums).unwrap();

@@ -6,7 +6,7 @@
 
 use super::scores::log_share;
 use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, Placement, Refined, SEEN, ViewFrame, ViewWork, measure, refine};
-use crate::grid::{Observation, Outside, Placed, Rotation, yaw};
+use crate::grid::{Observation, Outside, Rotation, Similarity, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
@@ -202,7 +202,7 @@ impl CameraSearch<'_> {
 
     /// Yaw, size and place as far as the query says them, in the view's frame.
     fn told(&self, frame: &ViewFrame) -> KnownPlacement {
-        let (_, scale, place) = frame.seen(&Placed::default());
+        let (_, scale, place) = frame.seen(&Similarity::default());
         let yaw = (self.query.pose == PoseSearch::Known).then_some(-frame.azimuth);
         let upright = !self.query.lying || yaw.is_some();
         match self.query.scale {
@@ -347,14 +347,14 @@ impl CameraSearch<'_> {
     }
 
     /// How an object lies: its similarity to the canonical one, and its box.
-    fn placement(&self, frame: &ViewFrame, mode: &Mode) -> (Placed, ObjectBox) {
+    fn placement(&self, frame: &ViewFrame, mode: &Mode) -> (Similarity, ObjectBox) {
         let Mode { cell, refined: best, .. } = mode;
         let [angle, log_scale, x, y, z] = best.parameters;
         let found = cell.placed(frame, angle, log_scale.exp(), &Vector3::new(x, y, z));
         let rotation = if self.query.pose == PoseSearch::Known { Rotation::identity() } else { found.rotation };
         let placed = match self.query.scale {
-            ScaleSearch::Known => Placed::turned(rotation),
-            ScaleSearch::Search { .. } => Placed { rotation, ..found },
+            ScaleSearch::Known => Similarity::turned(rotation),
+            ScaleSearch::Search { .. } => Similarity { rotation, ..found },
         };
         let spread = self.cameras.and_then(|(_, calibration)| calibration.spread).unwrap_or_default();
         let grew = (log_scale - cell.offsets[1]).exp() * frame.unit;
@@ -478,9 +478,9 @@ mod tests {
             let before = ask(&seen, &query(0.4, PoseSearch::YAW, scale));
             let after = ask(&turned, &query(0.4 + FRAC_PI_2, PoseSearch::YAW, scale));
             assert_eq!(before.class, after.class);
-            let apart = (yaw(FRAC_PI_2) * before.rotation).angle_to(&after.rotation);
+            let apart = (yaw(FRAC_PI_2) * before.rotation_object_to_grid).angle_to(&after.rotation_object_to_grid);
             assert!(apart < 2_f64.to_radians(), "{}", apart.to_degrees());
-            assert!((yaw(FRAC_PI_2) * before.placed.shift - after.placed.shift).norm() < 0.5);
+            assert!((yaw(FRAC_PI_2) * before.placed.translation_voxels - after.placed.translation_voxels).norm() < 0.5);
             for (a, b) in before.posterior.iter().zip(&after.posterior) {
                 assert!((a - b).abs() < 1e-3, "{a} {b}");
             }
@@ -496,8 +496,8 @@ mod tests {
                 let seen = simulation::observe(&unseen(name, seed), &eye(azimuth));
                 let found = ask(&seen, &query(azimuth, PoseSearch::YAW, SEARCH));
                 right += usize::from(found.class == class);
-                near += usize::from(found.rotation.angle().to_degrees() < 15.0);
-                sized += usize::from(found.placed.scale.ln().abs() < 0.1 && found.placed.shift.norm() < 1.5);
+                near += usize::from(found.rotation_object_to_grid.angle().to_degrees() < 15.0);
+                sized += usize::from(found.placed.scale.ln().abs() < 0.1 && found.placed.translation_voxels.norm() < 1.5);
                 assert!(found.occupancy.iter().chain(&found.deviation).all(|v| (0.0..=1.0).contains(v)));
                 let found_box = found.object_box.expect("a box");
                 assert!(
@@ -510,7 +510,7 @@ mod tests {
                 );
 
                 let known = ask(&seen, &query(azimuth, PoseSearch::Known, ScaleSearch::Known));
-                assert_eq!(known.placed, Placed::default());
+                assert_eq!(known.placed, Similarity::default());
                 let told = ask(&seen, &query(azimuth, PoseSearch::YAW, ScaleSearch::Search { side: Some(13.0) }));
                 let longest = seeing_perceiver().model().metadata.settings.longest_side as f64;
                 assert!((told.placed.scale - 13.0 / longest).abs() < 1e-9);
@@ -534,7 +534,7 @@ mod tests {
         let seen = simulation::observe(&unseen("sofa", 1), &eye(0.3));
         let without = Query { method: Method::Evidence, ..query(0.3, PoseSearch::YAW, SEARCH) };
         let found = ask(&seen, &without);
-        assert!(found.placed.scale.ln().abs() < 0.25 && found.placed.shift.norm() < 3.0, "{:?}", found.placed);
+        assert!(found.placed.scale.ln().abs() < 0.25 && found.placed.translation_voxels.norm() < 3.0, "{:?}", found.placed);
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //! density of a component's true size at the lengths that a cell expects is a further term.
 
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
-use crate::grid::{Observation, Placed, Rotation};
+use crate::grid::{Observation, Rotation, Similarity};
 use crate::model::{CameraDensities, Component, Forest, OFFSETS, SizeDensity, YAWS};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::densities::packed::PackedGaussian;
@@ -68,9 +68,9 @@ impl Cell {
     }
 
     /// How an object of this component lies in a grid when turned by `angle` in the view's frame: see [`ViewFrame::placed`].
-    pub fn placed(&self, frame: &ViewFrame, angle: f64, scale: f64, place: &Vector3<f64>) -> Placed {
+    pub fn placed(&self, frame: &ViewFrame, angle: f64, scale: f64, place: &Vector3<f64>) -> Similarity {
         let upright = frame.placed(angle, scale, place);
-        Placed { rotation: upright.rotation * self.resting, ..upright }
+        Similarity { rotation: upright.rotation * self.resting, ..upright }
     }
 
     /// Log weight in the posterior over class and pose, up to a constant: `pose_weight` times the score, and the prior.
@@ -325,7 +325,7 @@ mod tests {
         let frame = ViewFrame::new(&observation, &camera, &mut Vec::new()).expect("enough is seen");
         let mut shadow = Vec::new();
         frame.shadow(&observation, &mut ShadowImage::default(), &mut shadow);
-        let (_, scale, place) = frame.seen(&crate::grid::Placed { rotation: yaw(0.2), ..crate::grid::Placed::default() });
+        let (_, scale, place) = frame.seen(&crate::grid::Similarity { rotation: yaw(0.2), ..crate::grid::Similarity::default() });
         let all = KnownPlacement { upright: false, yaw: Some(1.4), scale: Some(scale), place: Some(place) };
         for told in [KnownPlacement::default(), KnownPlacement { scale: Some(scale), ..KnownPlacement::default() }, all] {
             let mut work = ViewWork::default();

@@ -4,7 +4,7 @@
 //! voxels, and the box's longest side is [`SEEN`] units of the [`SPAN`] that are looked at. It depends on neither the object's pose nor
 //! its size nor on where the grid lies, so that densities learned in it hold for all of them.
 
-use crate::grid::{Observation, Placed, Rotation, yaw};
+use crate::grid::{Observation, Rotation, Similarity, yaw};
 use crate::model::CAMERA_CELLS;
 use nalgebra::{Matrix3, Vector3};
 
@@ -191,15 +191,19 @@ impl ViewFrame {
 
     /// How an object lies in the grid that is turned by `yaw` radians in this frame, with `scale` units per voxel of its canonical grid,
     /// whose centre is at `place` (units).
-    pub fn placed(&self, angle: f64, scale: f64, place: &Vector3<f64>) -> Placed {
+    pub fn placed(&self, angle: f64, scale: f64, place: &Vector3<f64>) -> Similarity {
         let axes = yaw(self.azimuth);
-        Placed { rotation: yaw(self.azimuth + angle), scale: scale * self.unit, shift: self.origin + axes * place * self.unit }
+        Similarity {
+            rotation: yaw(self.azimuth + angle),
+            scale: scale * self.unit,
+            translation_voxels: self.origin + axes * place * self.unit,
+        }
     }
 
     /// The opposite: yaw in this frame, units per voxel, and place in units.
-    pub fn seen(&self, placed: &Placed) -> (Rotation, f64, Vector3<f64>) {
+    pub fn seen(&self, placed: &Similarity) -> (Rotation, f64, Vector3<f64>) {
         let back = yaw(-self.azimuth);
-        (back * placed.rotation, placed.scale / self.unit, back * (placed.shift - self.origin) / self.unit)
+        (back * placed.rotation, placed.scale / self.unit, back * (placed.translation_voxels - self.origin) / self.unit)
     }
 }
 
@@ -253,10 +257,10 @@ mod tests {
         let apart: f32 = shadow.iter().zip(&expected).map(|(a, b)| (a - b).abs()).sum();
         // The image's pixels are as wide as a voxel and a half: borders are blurred by that.
         assert!((found / sum - 1.0).abs() < 0.3 && apart < 0.4 * sum, "{found} {sum} {apart}");
-        let placed = Placed { rotation: yaw(0.3), scale: 0.9, shift: Vector3::new(1.0, 2.0, 3.0) };
+        let placed = Similarity { rotation: yaw(0.3), scale: 0.9, translation_voxels: Vector3::new(1.0, 2.0, 3.0) };
         let (rotation, scale, place) = frame.seen(&placed);
         let back = frame.placed(crate::grid::yaw_of(&rotation), scale, &place);
-        assert!((back.shift - placed.shift).norm() < 1e-9 && (back.scale - 0.9).abs() < 1e-9);
+        assert!((back.translation_voxels - placed.translation_voxels).norm() < 1e-9 && (back.scale - 0.9).abs() < 1e-9);
         assert!(back.rotation.angle_to(&placed.rotation) < 1e-6);
     }
 

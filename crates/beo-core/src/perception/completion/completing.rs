@@ -1,7 +1,7 @@
 //! Completion of an observation whose class and pose were found, by every method, in the frame that was asked for.
 
 use super::voxels::{self, Complete, Part, Unknown};
-use crate::grid::{ALONE, Observation, Placed, Turn};
+use crate::grid::{ALONE, Observation, Similarity, Turn};
 use crate::perception::basis::columns::BlockScratch;
 use crate::perception::basis::known::Known;
 use crate::perception::basis::reading::BasisRows;
@@ -54,7 +54,7 @@ impl Completion<'_> {
     /// Writes probability and deviation of every voxel.
     pub fn write<V: Value>(mut self, percept: &mut Percept, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
         assert_eq!([occupancy.len(), deviation.len()], [self.prepared.model.dims().voxels(); 2], "one value per voxel");
-        let moved = self.query.pose != PoseSearch::Known || percept.placed != Placed::default();
+        let moved = self.query.pose != PoseSearch::Known || percept.placed != Similarity::default();
         if !moved || self.query.frame == Frame::Object {
             return self.write_in_object_frame(percept, occupancy, deviation);
         }

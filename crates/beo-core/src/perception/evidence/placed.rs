@@ -5,7 +5,7 @@
 //! scale³, speaks of the same data whatever the scale.
 
 use super::subspace::{ClassSubspace, Conditional};
-use crate::grid::{Dims, Observation, Outside, Placed, Rotation, Turn};
+use crate::grid::{Dims, Observation, Outside, Rotation, Similarity, Turn};
 use crate::linear::LinearError;
 use crate::model::Damaged;
 use crate::perception::PerceiveError;
@@ -38,7 +38,7 @@ impl ObjectFrame {
     ///
     /// # Errors
     /// [`Damaged`] if a part of the model file that is read for the first time is not what was written.
-    pub fn take_moved(&mut self, rows: &BasisRows, seen: &Observation, placed: &Placed, outside: Outside) -> Result<(), Damaged> {
+    pub fn take_moved(&mut self, rows: &BasisRows, seen: &Observation, placed: &Similarity, outside: Outside) -> Result<(), Damaged> {
         self.turn.set_to_object(placed);
         self.turn.observation_into(seen, outside, &mut self.observation);
         rows.take_apart(&self.observation, &mut self.known)
@@ -55,7 +55,7 @@ impl ObjectFrame {
     }
 
     /// The way from the object's canonical grid to the one that was observed.
-    pub fn way_back(&mut self, placed: &Placed) -> &Turn {
+    pub fn way_back(&mut self, placed: &Similarity) -> &Turn {
         self.turn.set_to_grid(placed);
         &self.turn
     }
@@ -112,7 +112,7 @@ impl EvidenceModel {
     }
 
     /// Moves an observation to the canonical grid of an object that lies so.
-    pub fn place(&self, seen: &Observation, placed: &Placed, outside: Outside, scratch: &mut EvidenceScratch) -> Result<(), Damaged> {
+    pub fn place(&self, seen: &Observation, placed: &Similarity, outside: Outside, scratch: &mut EvidenceScratch) -> Result<(), Damaged> {
         scratch.scale = placed.scale;
         scratch.frame.take_moved(&self.rows, seen, placed, outside)
     }
@@ -139,7 +139,7 @@ impl EvidenceModel {
                 scratch.scale = 1.0;
                 rows.sum_turned(seen, rotation, outside, &mut scratch.frame.known.sums)?;
             }
-            BasisRows::Derived { .. } => self.place(seen, &Placed::turned(*rotation), outside, scratch)?,
+            BasisRows::Derived { .. } => self.place(seen, &Similarity::turned(*rotation), outside, scratch)?,
         }
         Ok(self.of_class(class, scratch)?)
     }
@@ -148,7 +148,7 @@ impl EvidenceModel {
     pub fn of_placed(
         &self,
         seen: &Observation,
-        placed: &Placed,
+        placed: &Similarity,
         outside: Outside,
         class: usize,
         scratch: &mut EvidenceScratch,
@@ -198,7 +198,7 @@ mod tests {
         let plain = 0.5 * f64::from(hidden) * (std::f64::consts::TAU * evidence.noise_variance).ln().abs();
         for class in 0..model().classes.len() {
             let [a, b] = [&seen, &less].map(|observation| {
-                let found = evidence.of_placed(observation, &Placed::default(), Outside::Empty, class, &mut scratch);
+                let found = evidence.of_placed(observation, &Similarity::default(), Outside::Empty, class, &mut scratch);
                 found.unwrap().log_ratio
             });
             assert!((a - b).abs() < 0.05 * plain, "{a} {b}, plain {plain}");
@@ -213,7 +213,7 @@ mod tests {
         let seen = View::Top.of(&object);
         let mut few = Observation::unknown(dims);
         seen.known().ones().filter(|voxel| voxel % 11 == 3).for_each(|voxel| few.set(voxel, seen.filled().contains(voxel)));
-        let placed = Placed { rotation: yaw(0.4), scale: 0.9, shift: nalgebra::Vector3::new(0.6, -0.3, 0.2) };
+        let placed = Similarity { rotation: yaw(0.4), scale: 0.9, translation_voxels: nalgebra::Vector3::new(0.6, -0.3, 0.2) };
         let (evidence, mut scratch) = (perceiver().evidence(), EvidenceScratch::new(dims));
         let found = evidence.of_placed(&few, &placed, Outside::Unknown, 0, &mut scratch).unwrap();
         let moved = scratch.frame().observation().clone();

@@ -5,7 +5,7 @@
 
 use super::PaperModel;
 use super::projection;
-use crate::grid::{Observation, Placed, Rotation, distance_transform, yaw};
+use crate::grid::{Observation, Rotation, Similarity, distance_transform, yaw};
 use crate::perception::PerceiveError;
 use crate::perception::basis::reading::BasisRows;
 use crate::perception::densities::gaussian::Gaussian;
@@ -109,7 +109,7 @@ impl PaperSearch<'_> {
         self.pool.with(
             || ObjectFrame::new(rows.dims()),
             |frame| {
-                frame.take_moved(rows, seen, &Placed::turned(rotation), self.query.outside)?;
+                frame.take_moved(rows, seen, &Similarity::turned(rotation), self.query.outside)?;
                 self.look_moved(rotation, estimator, prior, self.model, frame)
             },
         )

@@ -9,7 +9,7 @@
 
 use super::modes::{Candidate, FoundModes};
 use super::refine::{RefineScratch, Refined, Refiner};
-use crate::grid::{Dims, HeightMap, Observation, Placed, Rotation};
+use crate::grid::{Dims, HeightMap, Observation, Rotation, Similarity};
 use crate::perception::basis::known::Known;
 use crate::perception::densities::log_sum::{log_sum_exp, softmax};
 use crate::perception::evidence::placed::{Evidence, EvidenceScratch};
@@ -337,7 +337,7 @@ impl FullSearch<'_> {
             pool.with(
                 || EvidenceScratch::new(evidence.dims()),
                 |scratch| {
-                    evidence.place(seen, &Placed::turned(*rotation), self.query.outside, scratch)?;
+                    evidence.place(seen, &Similarity::turned(*rotation), self.query.outside, scratch)?;
                     prior.classes().try_for_each(|class| {
                         scores[class] = raw(&evidence.of_class(class, scratch)?);
                         Ok::<_, PerceiveError>(())

@@ -7,7 +7,7 @@
 //!
 //! Known empty voxels need no sum: what is lost where the object is not hidden is lost on filled and unknown voxels.
 
-use crate::grid::{Dims, Observation, Outside, Placed, Rotation};
+use crate::grid::{Dims, Observation, Outside, Rotation, Similarity};
 use crate::perception::PerceiveError;
 use crate::perception::basis::known::Known;
 use crate::perception::evidence::placed::{Evidence, EvidenceModel, EvidenceScratch};
@@ -80,7 +80,7 @@ impl Refiner<'_> {
     }
 
     fn evidence_at(&self, rotation: &Rotation, class: usize, scratch: &mut EvidenceScratch) -> Result<Evidence, PerceiveError> {
-        self.evidence.of_placed(self.seen, &Placed::turned(*rotation), self.outside, class, scratch)
+        self.evidence.of_placed(self.seen, &Similarity::turned(*rotation), self.outside, class, scratch)
     }
 
     /// Moves by `step` about the grid's axes while that improves.

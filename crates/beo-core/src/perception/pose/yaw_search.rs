@@ -3,7 +3,7 @@
 
 use super::circle::{AngleSearch, ScoredAngles};
 use super::yaw::{HullColumns, log_residual};
-use crate::grid::{Observation, Placed, yaw, yaw_of};
+use crate::grid::{Observation, Similarity, yaw, yaw_of};
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::softmax;
 use crate::perception::evidence::placed::ObjectFrame;
@@ -79,7 +79,7 @@ impl YawSearch<'_> {
         let circle = circle(1.0 / weight.max(1e-9));
         let evidence = &self.prepared.evidence;
         circle.search(m, looked, |angle, scores| {
-            frame.take_moved(&evidence.rows, seen, &Placed::turned(yaw(angle)), self.query.outside)?;
+            frame.take_moved(&evidence.rows, seen, &Similarity::turned(yaw(angle)), self.query.outside)?;
             evidence.condition(frame.known(), self.wanted, &mut posteriors.conditionals, false)?;
             for ((score, conditional), wanted) in scores.iter_mut().zip(&posteriors.conditionals).zip(self.wanted) {
                 let found = if by_distance { -conditional.distance2 } else { conditional.log_evidence_ratio() };

@@ -55,7 +55,7 @@ impl RotationPrior {
     /// was answered, so that of the equivalent poses of a symmetric object the same one stays the answer.
     pub fn continuing(percept: &Percept) -> Self {
         let others = percept.hypotheses.iter().map(|h| (h.rotation, (1.0 - COMMITMENT) * h.probability));
-        Self::mixture(std::iter::once((percept.rotation, COMMITMENT)).chain(others), FRAME_CONCENTRATION, FRAME_FLOOR)
+        Self::mixture(std::iter::once((percept.rotation_object_to_grid, COMMITMENT)).chain(others), FRAME_CONCENTRATION, FRAME_FLOOR)
     }
 
     /// Whether it is the same everywhere.

@@ -32,7 +32,7 @@ impl Floor {
         let mut known = Known::new(dims);
         match search {
             Search::Known => known.read(seen),
-            _ => known.read(&Turn::new(dims, &percept.rotation.inverse()).observation(seen, question.query.outside)),
+            _ => known.read(&Turn::new(dims, &percept.rotation_object_to_grid.inverse()).observation(seen, question.query.outside)),
         }
         let (rows, sums) = ColumnSums::read_of(dims, a, &known.hull);
         // The observation is two bits per voxel.

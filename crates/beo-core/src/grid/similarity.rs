@@ -1,49 +1,49 @@
-//! How an object lies in a grid: turned, scaled, shifted.
+//! Similarity transforms: rotation, scale and translation of an object in a grid.
 
 use super::rotation::Rotation;
 use nalgebra::{Matrix3, Vector3};
 
-/// Takes the object's canonical grid to another grid: g = scale · R p + shift, both in voxels of their own grid, from its centre.
+/// Takes the object's canonical grid to another grid: g = scale · R p + translation, both in voxels of their own grid, from its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placed {
+pub struct Similarity {
     /// R: object axes to grid axes.
     pub rotation: Rotation,
     /// Edge of a voxel of the canonical grid, in voxels of the other.
     pub scale: f64,
     /// Where the centre of the canonical grid lies, in voxels.
-    pub shift: Vector3<f64>,
+    pub translation_voxels: Vector3<f64>,
 }
 
-impl Default for Placed {
+impl Default for Similarity {
     fn default() -> Self {
         Self::turned(Rotation::identity())
     }
 }
 
-impl Placed {
+impl Similarity {
     /// Turned about the centre, neither scaled nor shifted.
     pub fn turned(rotation: Rotation) -> Self {
-        Self { rotation, scale: 1.0, shift: Vector3::zeros() }
+        Self { rotation, scale: 1.0, translation_voxels: Vector3::zeros() }
     }
 
     /// Whether nothing is scaled or shifted.
     pub fn is_turned_only(&self) -> bool {
-        self.scale == 1.0 && self.shift == Vector3::zeros()
+        self.scale == 1.0 && self.translation_voxels == Vector3::zeros()
     }
 
     /// A point of the object's canonical grid, in the other.
     pub fn place(&self, point: &Vector3<f64>) -> Vector3<f64> {
-        self.rotation * point * self.scale + self.shift
+        self.rotation * point * self.scale + self.translation_voxels
     }
 
     /// Matrix and offset that take a point of the canonical grid to the other.
     pub fn map(&self) -> (Matrix3<f64>, Vector3<f64>) {
-        (self.rotation.to_rotation_matrix().matrix() * self.scale, self.shift)
+        (self.rotation.to_rotation_matrix().matrix() * self.scale, self.translation_voxels)
     }
 
     /// Those of the way back.
     pub fn inverse_map(&self) -> (Matrix3<f64>, Vector3<f64>) {
         let back = self.rotation.inverse().to_rotation_matrix().matrix() / self.scale;
-        (back, -(back * self.shift))
+        (back, -(back * self.translation_voxels))
     }
 }
