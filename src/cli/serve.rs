@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 ///
 /// SIGHUP, or `beo reload`, reads the model's file anew: the model before answers until the new one has been checked. Replace the file by
 /// renaming another over it, as `mv` and `beo train --out` do: one that is being rewritten is refused, and one of a grid beyond 64 voxels,
-/// which is read in place, must not be rewritten while it is served. On SIGTERM what
+/// which is read in place, is no longer answered from when it is rewritten. On SIGTERM what
 /// waits is answered for most of a second, and the rest refused. Under systemd the daemon tells how it goes (sd_notify, watchdog).
 #[derive(Args)]
 pub struct Serve {

@@ -3,7 +3,7 @@
 use crate::client::{Client, DIMS, block, explanation};
 use crate::faults::roles::{Actor, Role};
 use crate::harness::{PATIENCE, RESOLUTION, instance, segments, serve};
-use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, tasks};
+use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, PoseSearch, tasks};
 use iceoryx2::prelude::{NodeBuilder, SignalHandlingMode, ipc};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -290,18 +290,22 @@ fn a_producer_that_cuts_its_memory_ends_nobody_else() {
     let mut daemon = serve(&name);
     let honest = Client::new(&name);
     let before = ask(&honest, |_, _| {});
-    for (round, length) in [0, 4096, 5000].into_iter().enumerate() {
+    for length in [0, 4096, 5000] {
+        let mut hostile = Actor::start(Role::Producer { every_ms: 5, search: PoseSearch::Known }, &name);
+        honest.percept((hostile.id, 1));
+        // Now the daemon has mapped its segment, and what comes waits in it.
         daemon.signal(Signal::STOP);
-        let mut hostile = Actor::start(Role::Sender, &name);
-        hostile.hear("sent");
+        drop(hostile.heard("sent"));
+        (0..3).for_each(|_| drop(hostile.hear("sent")));
+        hostile.process.signal(Signal::STOP);
+        let refused = honest.status(|_| true).refused;
         let cut: Vec<_> = segments(hostile.process.id()).into_iter().filter(|path| path.extension().is_some_and(|e| e == "data")).collect();
         assert!(!cut.is_empty());
         for path in &cut {
             OpenOptions::new().write(true).open(path).unwrap().set_len(length).unwrap();
         }
         daemon.signal(Signal::CONT);
-        let told = honest.status(|status| status.refused == round as u64 + 1 && status.waiting() == 0);
-        assert_eq!(told.answered, round as u64 + 1, "nothing was made of what is gone");
+        honest.status(|status| status.refused > refused && status.waiting() == 0);
         let after = ask(&honest, |_, _| {});
         assert_eq!((after.status, after.posterior, after.daemon_id), (0, before.posterior, before.daemon_id));
         hostile.kill();

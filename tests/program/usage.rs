@@ -57,7 +57,9 @@ fn wrong_usage_is_exit_code_2() {
 fn the_model_beside_the_program_is_the_default() {
     let folder = tempfile::tempdir().unwrap();
     let file = shape(folder.path(), "chair", 1);
-    fails(&["perceive", file.to_str().unwrap()], 1, &["16×16×16", "30×30×30"]);
+    let output = run(["perceive", file.to_str().unwrap()]);
+    let message = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && message.contains("16×16×16") && message.contains("30×30×30"), "{message}");
     // Of a program that lies alone, the models that are found are named.
     let alone = folder.path().join("beo");
     std::fs::copy(env!("CARGO_BIN_EXE_beo"), &alone).unwrap();

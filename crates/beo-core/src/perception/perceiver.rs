@@ -163,6 +163,7 @@ impl Perceiver {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
         }
         self.search.check(query)?;
+        self.model().basis.check_unchanged()?;
         work.start(observation, query);
         if let (Search::OnLevels(levels), Some(fine)) = (&self.search, &mut work.fine)
             && (query.pose != PoseSearch::Known || is_viewed(query, self.search.has_cameras()))
@@ -184,6 +185,7 @@ impl Perceiver {
         }
         work.clock.posed();
         percept.timings = work.clock.timings;
+        self.model().basis.check_unchanged()?;
         Ok(Classified { perceiver: self, query, work, percept })
     }
 
@@ -286,6 +288,7 @@ impl Classified<'_> {
             projected: &projection.projected,
             scratch: completion,
         };
-        completion.write(self.percept, occupancy, deviation)
+        completion.write(self.percept, occupancy, deviation)?;
+        Ok(self.perceiver.model().basis.check_unchanged()?)
     }
 }
