@@ -45,6 +45,16 @@ pub enum FormatError {
     Observation(#[from] ObservationError),
 }
 
+/// An `alignment.json` that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}; it says that the shapes beside it were placed by `beo align`: align them anew, or remove it to have each shape scaled by its own longest side", path.display())]
+pub struct AlignmentFileError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong.
+    pub problem: String,
+}
+
 /// A file could not be read as a shape. One line, with the file's name.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
@@ -124,7 +134,7 @@ pub enum ReadError {
     },
     /// The folder of the file has an `alignment.json` that cannot be used.
     #[error("{0}")]
-    Alignment(#[from] super::AlignmentFileError),
+    Alignment(#[from] AlignmentFileError),
 }
 
 impl ReadError {

@@ -13,6 +13,7 @@
 //! | `planes`, `supports` | the planes of a frame; those that objects stand on, and what is up |
 //! | `tables`, `tracking` | objects without masks: what stands on a plane; their numbers from frame to frame |
 //! | `joining`, `own_readings` | which neighbours lie on one surface; which readings of a mask are the object's own |
+//! | `interior` | low readings that an object encloses: the floors of vessels |
 //! | `consensus`, `cut` | the surface by neighbouring readings; what cuts an object off |
 //! | `grids` | the one road, from a frame to the grids of all its objects |
 //! | `parallel` | a grid carved by all threads (feature `parallel`) |
@@ -31,6 +32,7 @@ mod frame;
 mod fused;
 mod fusion;
 mod grids;
+mod interior;
 mod intrinsics;
 mod joining;
 mod lens;

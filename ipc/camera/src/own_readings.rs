@@ -8,7 +8,8 @@
 //! 3. Of what remains, the largest piece, with every piece near it in space or cut off from it by something nearer. The rest is far.
 
 use crate::SensorModel;
-use crate::joining::{EIGHT, FOUR, Joint, nearest, neighbours, pieces, samples};
+use crate::interior::enclosed;
+use crate::joining::{EIGHT, Joint, nearest, neighbours, pieces, samples};
 use crate::rays::Rays;
 use crate::support::Plane;
 use nalgebra::Vector3;
@@ -72,8 +73,7 @@ const NONE: u8 = 0;
 const LOW: u8 = 1;
 const HIGH: u8 = 2;
 const FLYING: u8 = 3;
-const PLANE: u8 = 4;
-const DONE: u8 = 5;
+const DONE: u8 = 4;
 
 /// Finds an object's own readings among those of its mask. `state` has a 0 for every pixel of the image, before and after.
 pub fn own_readings(scene: &Scene<'_>, mask: &[u32], support: Option<&LocalSupport>, least: usize, state: &mut [u8]) -> OwnReadings {
@@ -104,7 +104,7 @@ fn attempt(
 ) -> OwnReadings {
     let (width, height) = (scene.rays.width(), scene.rays.height());
     let mut found = OwnReadings::default();
-    let mut low = Vec::new();
+    let mut low: Vec<(u32, f32)> = Vec::new();
     if let Some(support) = support {
         let least = LEAST_HEIGHT_M.max(LEAST_DEVIATIONS * support.deviation_m) as f32;
         let top = percentile(heights, 0.95);
@@ -112,33 +112,7 @@ fn attempt(
         for (pixel, h) in mask.iter().zip(heights) {
             state[*pixel as usize] = if *h > foot { HIGH } else { LOW };
         }
-        // From outside of the mask through what is low.
-        let label = mask.first().map_or(0, |pixel| scene.labels[*pixel as usize]);
-        let mut reached: Vec<u32> = Vec::new();
-        for pixel in mask {
-            let p = *pixel as usize;
-            if state[p] == LOW && neighbours(FOUR, p, width, height).any(|other| scene.labels[other] != label) {
-                state[p] = PLANE;
-                reached.push(*pixel);
-            }
-        }
-        while let Some(pixel) = reached.pop() {
-            low.push(pixel);
-            for other in neighbours(FOUR, pixel as usize, width, height) {
-                if state[other] == LOW {
-                    state[other] = PLANE;
-                    reached.push(other as u32);
-                }
-            }
-        }
-        // What is low but enclosed is the object's, unless it is the plane itself, seen through a handle, say.
-        for (pixel, h) in mask.iter().zip(heights) {
-            if state[*pixel as usize] == LOW {
-                let own = *h > least;
-                state[*pixel as usize] = if own { HIGH } else { PLANE };
-                low.extend((!own).then_some(*pixel));
-            }
-        }
+        low.extend(mask.iter().copied().zip(heights.iter().copied()).filter(|(_, h)| *h <= foot));
     } else {
         mask.iter().for_each(|pixel| state[*pixel as usize] = HIGH);
     }
@@ -153,9 +127,15 @@ fn attempt(
         .collect();
     flying.iter().for_each(|pixel| state[*pixel as usize] = FLYING);
     let all = pieces(scene.rays, scene.depth, &scene.joint, mask, state, HIGH, DONE);
-    let (main, far) = main_pieces(scene, &all);
+    let (mut main, far) = main_pieces(scene, &all);
+    let mut at_support = low.len();
+    if let Some(support) = support {
+        let inside = enclosed(scene, support, &main, &low, state, [LOW, DONE]);
+        at_support -= inside.len();
+        main.extend(inside);
+    }
     let count = mask.len().max(1) as f64;
-    found.share_support = low.len() as f64 / count;
+    found.share_support = at_support as f64 / count;
     found.share_edge = flying.len() as f64 / count;
     found.share_far = far as f64 / count;
     found.pixels = main;

@@ -10,7 +10,7 @@ use crate::own_readings::{LocalSupport, Scene, percentile};
 use crate::planes::{FoundPlane, find_planes};
 use crate::rays::Rays;
 use crate::support::Plane;
-use nalgebra::{Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 /// How far the plane that things stand on may be from the given direction up: cosine of 15°.
 const UPRIGHT: f64 = 0.965_925_826_289_068_3;
@@ -163,15 +163,19 @@ fn stands_on(scene: &Scene<'_>, mask: &[u32], plane: &Plane, supports: &[u16]) -
 const LEAST_ON: f64 = 0.12;
 /// How far the support may lie beside the plane that was found, metres: sensors bend planes.
 const MOST_BENT_M: f32 = 0.012;
+/// How much the support's slope around an object may differ from the whole plane's, radians: one standard deviation.
+const BENT_RAD: f64 = 0.02;
+/// Readings of the ring that count as one.
+const CORRELATED: f64 = 10.0;
 
-/// The support of one object: the highest plane below it that is seen around it, moved to where the readings around it lie.
+/// The support of one object: the highest plane below it that is seen around it, moved and tilted to where the readings around it lie.
 pub fn local_support(scene: &Scene<'_>, mask: &[u32], supports: &Supports) -> Option<LocalSupport> {
     let around = ring(scene, mask, &supports.labels);
     let some: Vec<u32> = some_of(mask, 600).copied().collect();
-    let mut best: Option<(f32, &FoundPlane, Vec<f32>)> = None;
+    let mut best: Option<(f32, &FoundPlane)> = None;
     for found in &supports.planes {
-        let residuals: Vec<f32> = heights(scene, &around, &found.plane).into_iter().filter(|h| h.abs() < MOST_BENT_M).collect();
-        if residuals.len() < 20 || (residuals.len() as f64) < LEAST_ON * around.len() as f64 {
+        let near = heights(scene, &around, &found.plane).iter().filter(|h| h.abs() < MOST_BENT_M).count();
+        if near < 20 || (near as f64) < LEAST_ON * around.len() as f64 {
             continue;
         }
         let own = heights(scene, &some, &found.plane);
@@ -181,24 +185,61 @@ pub fn local_support(scene: &Scene<'_>, mask: &[u32], supports: &Supports) -> Op
             continue;
         }
         if best.as_ref().is_none_or(|(lowest, ..)| middle < *lowest) {
-            best = Some((middle, found, residuals));
+            best = Some((middle, found));
         }
     }
-    let Some((_, found, residuals)) = best else {
+    let Some((_, found)) = best else {
         let main = supports.planes.first()?;
         let z = percentile(&some.iter().map(|pixel| scene.depth[*pixel as usize]).collect::<Vec<_>>(), 0.5);
         return Some(LocalSupport { plane: main.plane, deviation_m: scene.sensor.deviation(f64::from(z)) });
     };
-    // The middle of what lies near it: twice, so that a foot that is smeared up on one side does not lift it.
-    let mut middle = percentile(&residuals, 0.5);
-    let mut deviation = MOST_BENT_M / 2.0;
-    for _ in 0..2 {
-        let off: Vec<f32> = residuals.iter().map(|h| (h - middle).abs()).collect();
-        deviation = (1.4826 * percentile(&off, 0.5)).max(2e-4);
-        let inner: Vec<f32> = residuals.iter().copied().filter(|h| (h - middle).abs() < 2.5 * deviation).collect();
-        middle = percentile(&inner, 0.5);
+    Some(fitted_around(scene, &around, &found.plane))
+}
+
+/// A plane as it lies around an object: its height and slope there, by least squares over what lies near it, without outliers. The slope is
+/// expected to be the whole plane's within [`BENT_RAD`], so that readings on one side alone do not tilt it.
+fn fitted_around(scene: &Scene<'_>, around: &[u32], plane: &Plane) -> LocalSupport {
+    let normal = plane.normal().into_inner();
+    let x = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+    let x = (x - normal * normal.dot(&x)).normalize();
+    let y = normal.cross(&x);
+    let points: Vec<Vector3<f64>> =
+        around.iter().map(|pixel| scene.rays.point(*pixel as usize, scene.depth[*pixel as usize]).cast()).collect();
+    let near = points.iter().filter(|p| plane.height(&Point3::from(**p)).abs() < f64::from(MOST_BENT_M));
+    let middle = near.clone().sum::<Vector3<f64>>() / near.count().max(1) as f64;
+    // Height over the plane as offset + slope · (x, y).
+    let mut bend = Vector3::zeros();
+    let height = |p: &Vector3<f64>, bend: &Vector3<f64>| {
+        plane.height(&Point3::from(*p)) - bend.x - bend.y * x.dot(&(p - middle)) - bend.z * y.dot(&(p - middle))
+    };
+    let mut reach = f64::from(MOST_BENT_M);
+    let mut deviation = reach / 2.0;
+    for _ in 0..4 {
+        let inner: Vec<&Vector3<f64>> = points.iter().filter(|p| height(p, &bend).abs() < reach).collect();
+        if inner.len() < 20 {
+            break;
+        }
+        let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for p in &inner {
+            let row = Vector3::new(1.0, x.dot(&(*p - middle)), y.dot(&(*p - middle)));
+            matrix += row * row.transpose();
+            right += row * plane.height(&Point3::from(**p));
+        }
+        // Neighbouring readings err alike: so many count as one.
+        let prior = CORRELATED * (deviation / BENT_RAD).powi(2);
+        matrix[(1, 1)] += prior;
+        matrix[(2, 2)] += prior;
+        let Some(solved) = matrix.cholesky().map(|c| c.solve(&right)) else { break };
+        bend = solved;
+        let off: Vec<f32> = inner.iter().map(|p| height(p, &bend).abs() as f32).collect();
+        deviation = f64::from((1.4826 * percentile(&off, 0.5)).max(2e-4));
+        reach = (2.5 * deviation).min(f64::from(MOST_BENT_M));
     }
-    Some(LocalSupport { plane: found.plane.raised(f64::from(middle)), deviation_m: f64::from(deviation) })
+    let tilted = Unit::new_normalize(normal - x * bend.y - y * bend.z);
+    LocalSupport {
+        plane: Plane::new(tilted, &Point3::from(middle + normal * (bend.x - plane.height(&Point3::from(middle))))),
+        deviation_m: deviation,
+    }
 }
 
 /// A label is a support if it is by far the largest, flat, and other labels stand on it.

@@ -47,7 +47,7 @@ impl Basis {
     pub fn values(&self) -> &[f16] {
         match &self.storage {
             Storage::Owned(rows) => rows,
-            Storage::Mapped { file, bytes, .. } => super::file::half_slice(&file[bytes.clone()]),
+            Storage::Mapped { file, bytes, .. } => bytemuck::cast_slice(&file[bytes.clone()]),
         }
     }
 

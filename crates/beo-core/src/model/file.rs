@@ -82,11 +82,6 @@ pub(super) fn header_checksum(metadata: &Metadata, checksums: &BTreeMap<String, 
     crc32fast::hash(text.as_bytes())
 }
 
-/// Bytes as half-precision numbers; the slice is aligned and whole, which was checked when it was mapped.
-pub(super) fn half_slice(bytes: &[u8]) -> &[f16] {
-    bytemuck::cast_slice(bytes)
-}
-
 /// Length of a packed lower triangle of `size` rows.
 fn packed(size: usize) -> usize {
     size * (size + 1) / 2
