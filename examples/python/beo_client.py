@@ -5,6 +5,7 @@ sample alive, and a subscriber can hold two samples of a channel at a time. Copy
 """
 
 import ctypes
+import os
 import secrets
 import time
 
@@ -49,6 +50,21 @@ class NotRunning(RuntimeError):
     """No daemon serves the instance (yet): try again."""
 
 
+class NoRoom(RuntimeError):
+    """Shared memory is full: what iceoryx2 makes there would be a bus error when it is first written."""
+
+
+# Shared memory of a process that joins an instance, beside its publishers.
+_MEMBER_BYTES = 64 * 1024
+
+
+def _require_room(needed):
+    statistics = os.statvfs("/dev/shm")
+    free = statistics.f_bavail * statistics.f_frsize
+    if free < needed:
+        raise NoRoom(f"not enough shared memory: {needed} bytes are needed and {free} are free in /dev/shm: free some, or enlarge it")
+
+
 def within(timeout_s, make):
     """What `make()` gives, called again until a daemon is there or the time is up."""
     end = time.monotonic() + timeout_s
@@ -66,6 +82,7 @@ class _Peer:
 
     def __init__(self, instance):
         self.instance = instance
+        _require_room(_MEMBER_BYTES)
         # An explicit configuration: the default one depends on the working directory. No signal handlers: Ctrl-C stays Python's.
         builder = iox2.NodeBuilder.new().config(iox2.config.default()).signal_handling_mode(iox2.SignalHandlingMode.Disabled)
         self.node = builder.create(iox2.ServiceType.Ipc)
@@ -126,15 +143,34 @@ class Subscriber(_Peer):
             service = self._service("completion", iox2.Slice[ctypes.c_uint8], messages.CompletionHeader)
             self.completions = service.subscriber_builder().create()
         self.last_status = None
+        # Percepts that were published between those that were taken, and lost here.
+        self.missed, self._last = 0, None
 
     def wait(self, timeout_s):
         """Waits until the daemon has sent something: True if it has. Then take everything."""
-        return bool(self.listener.timed_wait(iox2.Duration.from_secs_f64(timeout_s)))
+        try:
+            return bool(self.listener.timed_wait(iox2.Duration.from_secs_f64(timeout_s)))
+        except iox2.ListenerWaitError as error:
+            # Python handles the signal once it is back in Python: Ctrl-C raises KeyboardInterrupt.
+            if "InterruptSignal" in str(error):
+                return False
+            raise
 
     def take_percept(self):
         """A copy of the oldest percept not yet taken, or None."""
         sample = self.percepts.receive()
-        return sample and messages.Percept.from_buffer_copy(sample.payload().contents)
+        if sample is None:
+            return None
+        percept = messages.Percept.from_buffer_copy(sample.payload().contents)
+        self._count_missed(percept.daemon_id, percept.answer_number)
+        return percept
+
+    def _count_missed(self, daemon, number):
+        """Percepts of a daemon are numbered from 1 on: gaps are percepts that came faster than they were taken."""
+        if self._last is None or self._last[0] != daemon or number > self._last[1]:
+            if self._last is not None:
+                self.missed += number - 1 - (self._last[1] if self._last[0] == daemon else 0)
+            self._last = (daemon, number)
 
     def take_completion(self):
         """The oldest completion not yet taken, in place, or None."""
@@ -189,6 +225,10 @@ class Producer(_Peer):
         self._require_daemon(self._service("percept", messages.Percept))
         service = self._service("observation", iox2.Slice[ctypes.c_uint8], messages.ObservationHeader)
         self.voxel_count = int(np.prod(dims))
+        settings = service.static_config
+        waiting = settings.max_subscribers * (settings.subscriber_max_buffer_size + settings.subscriber_max_borrowed_samples)
+        # Two loans, and what iceoryx2 has beside each payload.
+        _require_room(_MEMBER_BYTES + (waiting + settings.history_size + 2) * (self.voxel_count + 512))
         builder = service.publisher_builder().initial_max_slice_len(self.voxel_count).max_loaned_samples(2)
         self.publisher = builder.allocation_strategy(iox2.AllocationStrategy.Static).create()
         self.notifier = self._event("observed").notifier_builder().create()

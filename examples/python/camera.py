@@ -44,7 +44,7 @@ def main(instance="default", count=90, side=30):
 if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
-    except beo.NotRunning as error:
+    except (beo.NotRunning, beo.NoRoom) as error:
         sys.exit(f"camera: {error}")
     except KeyboardInterrupt:
         pass

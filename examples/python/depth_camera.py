@@ -80,7 +80,7 @@ def main(instance="default", count=90, side=30, segmentation="mask"):
 if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
-    except beo.NotRunning as error:
+    except (beo.NotRunning, beo.NoRoom) as error:
         sys.exit(f"depth_camera: {error}")
     except KeyboardInterrupt:
         pass

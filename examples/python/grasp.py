@@ -77,7 +77,7 @@ def main(instance="default", count="inf"):
 if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
-    except beo.NotRunning as error:
+    except (beo.NotRunning, beo.NoRoom) as error:
         sys.exit(f"grasp: {error}")
     except KeyboardInterrupt:
         pass

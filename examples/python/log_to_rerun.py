@@ -115,7 +115,7 @@ def main(instance="default", count="inf", file=None):
 if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
-    except beo.NotRunning as error:
+    except (beo.NotRunning, beo.NoRoom) as error:
         sys.exit(f"log_to_rerun: {error}")
     except KeyboardInterrupt:
         pass

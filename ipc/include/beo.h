@@ -903,6 +903,16 @@ beo_status beo_subscriber_take_percept(struct beo_subscriber *subscriber,
                                        struct beo_percept *percept);
 
 /**
+ * How many percepts were published between those that this subscriber has taken, and lost here, to `*missed`: more came than are kept for a
+ * reader, or they came from a daemon before it was connected to. Compare it with what it was before: it only grows.
+ *
+ * The caller promises:
+ * `missed` is NULL or writable.
+ */
+beo_status beo_subscriber_missed(struct beo_subscriber *subscriber,
+                                 uint64_t *missed);
+
+/**
  * Takes the oldest completion not yet taken, where it lies: stores its handle in `*completion`, and where its arrays are in `*view`. A
  * completion comes before the percept of the same observation.
  *

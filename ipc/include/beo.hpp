@@ -319,6 +319,13 @@ public:
         return status == BEO_STATUS_OK ? Result<Percept>(percept) : Result<Percept>(status);
     }
 
+    // How many percepts were published between those that were taken, and lost here.
+    std::uint64_t missed() const noexcept {
+        std::uint64_t missed = 0;
+        (void)beo_subscriber_missed(handle_.get(), &missed);
+        return missed;
+    }
+
     // The oldest completion not yet taken; BEO_STATUS_EMPTY if there is none. Two can be held at a time.
     Result<Completion> take_completion() {
         beo_completion_view view;

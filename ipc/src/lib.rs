@@ -22,6 +22,7 @@ pub mod clock;
 pub mod codes;
 pub mod control;
 pub mod error;
+mod gaps;
 mod identity;
 pub mod layout;
 pub mod limits;
@@ -35,6 +36,7 @@ mod peers;
 mod producer;
 mod quaternion;
 pub mod reconnect;
+mod segments;
 mod server;
 mod shared;
 mod subscriber;
@@ -46,6 +48,7 @@ pub use carved::{CarvedGrid, CarvedGridError};
 pub use codes::{CompletionFrame, DaemonState, Method, Outside, PerceptStatus, PoseSearch, ScaleSearch, Unit, View, cut, tasks};
 pub use control::{ReloadCall, ReloadError, request_reload};
 pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
+pub use gaps::Gaps;
 pub use messages::{
     ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, Status,
 };

@@ -5,6 +5,7 @@ use std::time::Duration;
 use iceoryx2::prelude::{Config, Node, NodeBuilder, NodeName, SemanticString as _, ServiceName, SignalHandlingMode, ipc_threadsafe};
 
 use crate::error::OpenError;
+use crate::memory::{MEMBER_BYTES, require_shared_memory};
 use crate::orphans;
 
 /// The variant of iceoryx2's services that is used: between processes, its handles usable from any thread.
@@ -28,11 +29,15 @@ pub(crate) fn prefix() -> Vec<u8> {
 }
 
 /// A node named after its role, `beo-ROLE-INSTANCE`. It cleans up after dead nodes first.
+///
+/// The room for it and for its connections is asked for before anything is made: what iceoryx2 makes in a full /dev/shm is a bus error
+/// when it is first written.
 pub(crate) fn create(role: &str, instance: &crate::InstanceName) -> Result<Node<Ipc>, OpenError> {
     let name = format!("beo-{role}-{instance}");
     let name =
         NodeName::new(&name).map_err(|error| OpenError::Failed { what: format!("a node named {name}"), cause: format!("{error:?}") })?;
     let config = config();
+    require_shared_memory(MEMBER_BYTES)?;
     orphans::remove_and_wait(config.global.prefix.as_bytes());
     let node = NodeBuilder::new()
         .name(&name)

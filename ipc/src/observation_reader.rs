@@ -9,6 +9,7 @@ use crate::error::{OpenError, ReceiveError};
 use crate::messages::ObservationHeader;
 use crate::node::{self, Ipc};
 use crate::peers::Peers;
+use crate::segments::Segments;
 use crate::server::Observation;
 
 /// Reads the observations that producers send to the daemon. One that does not read loses the oldest (as many are kept as wait for the
@@ -18,6 +19,7 @@ pub struct ObservationReader {
     observations: Reader<Ipc, [u8], ObservationHeader>,
     service: ObservationService,
     producers: Peers,
+    segments: Segments,
     // Dropped last.
     node: Node<Ipc>,
 }
@@ -32,7 +34,7 @@ impl ObservationReader {
         let node = node::create("recorder", instance)?;
         let service = channel::open_observation(&node, instance)?;
         let observations = channel::create_reader(&service)?;
-        Ok(Self { observations, service, producers: Peers::default(), node })
+        Ok(Self { observations, service, producers: Peers::default(), segments: Segments::default(), node })
     }
 
     /// The next observation of any producer; those of one producer come in its order. At most [`channel::MAX_HELD_SAMPLES`] of one producer
@@ -44,7 +46,12 @@ impl ObservationReader {
         if !self.producers.ready_to_receive(&self.service) {
             return Ok(None);
         }
-        Ok(self.observations.receive().map_err(channel::receive_error)?.map(Observation::new))
+        while let Some(sample) = self.observations.receive().map_err(channel::receive_error)? {
+            if let Some(observation) = Observation::new(sample, &self.segments, &self.service) {
+                return Ok(Some(observation));
+            }
+        }
+        Ok(None)
     }
 
     /// Housekeeping, about once a second: cleans up after processes that died, and connects to producers that came since.

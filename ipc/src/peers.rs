@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use iceoryx2::prelude::{CallbackProgression, IceoryxSend, PortFactory as _, ZeroCopySend};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use crate::memory::{MEMBER_BYTES, require_shared_memory};
 use crate::node::{self, Ipc};
 use crate::orphans;
 
@@ -29,7 +30,8 @@ pub(crate) struct Peers {
 }
 
 impl Peers {
-    /// To be called before receiving. False if a dead peer's half-made connection is in the way and cannot be removed: then not now.
+    /// To be called before receiving. False if a dead peer's half-made connection is in the way and cannot be removed, or if there is no
+    /// room for a connection: then not now.
     pub fn ready_to_receive<Payload, Header>(&self, service: &PortFactory<Ipc, Payload, Header>) -> bool
     where
         Payload: Debug + IceoryxSend + ?Sized,
@@ -62,7 +64,11 @@ impl Peers {
         if self.present.load(Ordering::Relaxed) == present.0 {
             return true;
         }
-        let settled = orphans::remove_and_wait(&node::prefix());
+        let has_room = require_shared_memory(MEMBER_BYTES);
+        if let Err(error) = &has_room {
+            tracing::warn!(%error, "a peer cannot be connected");
+        }
+        let settled = has_room.is_ok() && orphans::remove_and_wait(&node::prefix());
         if settled {
             self.present.store(present.0, Ordering::Relaxed);
         } else {

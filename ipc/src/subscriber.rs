@@ -12,6 +12,7 @@ use iceoryx2::sample::Sample;
 use crate::InstanceName;
 use crate::channel::{self, CompletionService, PerceptService, StatusService, Woken};
 use crate::error::{OpenError, ReceiveError, WaitError, retry_within};
+use crate::gaps::Gaps;
 use crate::limits::voxel_count;
 use crate::messages::{CompletionHeader, Percept, Status};
 use crate::node::{self, Ipc};
@@ -37,6 +38,7 @@ pub struct Subscriber {
     statuses: Reader<Ipc, Status, ()>,
     perceived: Listener<Ipc>,
     last_status: Mutex<Option<Status>>,
+    gaps: Mutex<Gaps>,
     service: PerceptService,
     status_service: StatusService,
     /// Who was last received from: percepts, completions, statuses.
@@ -75,8 +77,8 @@ impl Subscriber {
         let percepts = channel::create_reader(&service)?;
         let status_service = channel::open_status(&node, instance)?;
         let statuses = channel::create_reader(&status_service)?;
-        let (last_status, writers) = (Mutex::new(None), Default::default());
-        Ok(Self { percepts, completions, statuses, perceived, last_status, service, status_service, writers, node })
+        let (last_status, gaps, writers) = (Mutex::new(None), Mutex::default(), Default::default());
+        Ok(Self { percepts, completions, statuses, perceived, last_status, gaps, service, status_service, writers, node })
     }
 
     /// As [`Subscriber::open`], but waits up to `timeout` for the daemon.
@@ -90,6 +92,11 @@ impl Subscriber {
     /// Whether a daemon is there. One that was killed counts until someone has cleaned up after it: see [`Subscriber::maintain`].
     pub fn daemon_runs(&self) -> bool {
         channel::daemon_runs(&self.service)
+    }
+
+    /// The daemon's process, if there is one and its name says so.
+    pub fn daemon_pid(&self) -> Option<u32> {
+        channel::daemon_pid(&self.service)
     }
 
     /// Waits until the daemon has sent something, at most `timeout`: true if it has, false otherwise or when a signal interrupted. Take
@@ -120,8 +127,15 @@ impl Subscriber {
         if !self.writers[0].ready_to_receive(&self.service) {
             return Ok(None);
         }
-        let sample = self.percepts.receive().map_err(channel::receive_error)?;
-        Ok(sample.map(|sample| copy_of(sample.payload())))
+        let Some(sample) = self.percepts.receive().map_err(channel::receive_error)? else { return Ok(None) };
+        let percept = copy_of(sample.payload());
+        self.gaps.lock().unwrap_or_else(PoisonError::into_inner).note(&percept);
+        Ok(Some(percept))
+    }
+
+    /// How many percepts were published between those that were taken, and lost here: more came than are kept for a reader.
+    pub fn missed(&self) -> u64 {
+        self.gaps.lock().unwrap_or_else(PoisonError::into_inner).missed()
     }
 
     /// The oldest completion not yet taken, where it lies; `None` also if completions were not subscribed to. At most

@@ -31,6 +31,12 @@ pub enum Refusal {
         /// Bytes of the payload.
         payload_len: usize,
     },
+    /// The memory that it lies in was cut while it was read.
+    #[error("the memory of the observation was cut to less than its {payload_len} bytes while it was read")]
+    Cut {
+        /// Bytes of the payload.
+        payload_len: usize,
+    },
     /// The model was trained for other dims.
     #[error("dims are {dims:?}; the model is for {model:?}")]
     DimsNotOfModel {
@@ -126,7 +132,7 @@ impl Refusal {
     pub fn status(&self) -> PerceptStatus {
         match self {
             Self::UnknownVersion(_) => PerceptStatus::UnknownVersion,
-            Self::BadDims { .. } | Self::WrongLength { .. } => PerceptStatus::BadDims,
+            Self::BadDims { .. } | Self::WrongLength { .. } | Self::Cut { .. } => PerceptStatus::BadDims,
             Self::DimsNotOfModel { .. } => PerceptStatus::DimsNotOfModel,
             Self::BadVoxel { .. } => PerceptStatus::BadVoxel,
             Self::NotFinite(_)
@@ -150,7 +156,7 @@ impl Refusal {
     pub fn detail(&self) -> u64 {
         match self {
             Self::UnknownVersion(version) => u64::from(*version),
-            Self::BadDims { payload_len, .. } | Self::WrongLength { payload_len, .. } => *payload_len as u64,
+            Self::BadDims { payload_len, .. } | Self::WrongLength { payload_len, .. } | Self::Cut { payload_len } => *payload_len as u64,
             Self::DimsNotOfModel { model: [x, y, z], .. } => u64::from(*x) | u64::from(*y) << 16 | u64::from(*z) << 32,
             Self::BadVoxel { index, .. } => *index as u64,
             Self::PoseSearchNotSupported(search) => u64::from(search.code()),

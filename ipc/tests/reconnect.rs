@@ -132,3 +132,34 @@ fn a_producer_goes_on_counting_under_its_id_at_the_next_daemon() {
     let observation = until("nothing arrives", || second.receive().unwrap());
     assert_eq!((observation.header().producer_id, observation.header().sequence), (producer.id(), 3));
 }
+
+/// A reader that does not keep up sees how many it has lost, over restarts of the daemon too.
+#[test]
+fn readers_count_what_they_miss() {
+    let instance = instance("gaps");
+    let first = serve(&instance, 16);
+    let plain = Subscriber::open(&instance, &SubscriberOptions::default()).unwrap();
+    let mut reconnecting = ReconnectingSubscriber::open(&instance, &SubscriberOptions::default()).unwrap();
+    let publish = |server: &Server, count: u64| (0..count).for_each(|_| server.publish(&Percept::EMPTY).unwrap());
+    let all = |take: &dyn Fn() -> Option<Percept>| std::iter::from_fn(take).count() as u64;
+    publish(&first, 1);
+    assert_eq!((all(&|| plain.take_percept().unwrap()), plain.missed()), (1, 0));
+    assert_eq!((all(&|| reconnecting.take_percept().unwrap()), reconnecting.missed()), (1, 0));
+    publish(&first, 100);
+    let (kept, missed) = (all(&|| plain.take_percept().unwrap()), plain.missed());
+    assert!(missed > 0 && kept + missed == 100, "{kept} kept, {missed} missed");
+    let kept = all(&|| reconnecting.take_percept().unwrap());
+    assert_eq!(reconnecting.missed(), 100 - kept);
+    let before = reconnecting.missed();
+    drop((plain, first));
+    until("it does not notice", || (reconnecting.wait(SOON).unwrap() == Waited::NotRunning).then_some(()));
+    // Seven come before it is there again, of which the last is kept for it.
+    let second = serve(&instance, 80);
+    publish(&second, 7);
+    until("it does not come back", || {
+        reconnecting.wait(SOON).unwrap();
+        second.maintain();
+        reconnecting.take_percept().unwrap()
+    });
+    assert_eq!(reconnecting.missed() - before, 6);
+}

@@ -1,6 +1,7 @@
 //! `beo demo`: a synthetic depth camera circles made-up household things; daemon, camera and watcher are processes of their own.
 
 use super::failure::{Failure, cannot_write};
+use super::found_models;
 use crate::frames::draw_depth;
 use crate::frames::synthetic::{Circle, CircleView, FrameWriter, SyntheticCamera};
 use beo_camera::Intrinsics;
@@ -25,9 +26,9 @@ use std::time::{Duration, Instant};
 /// readings as structured light has them: replay them with `beo camera DIR/frames --support-label 1`.
 #[derive(Args)]
 pub struct Demo {
-    /// Model file, with classes of `beo generate household`
-    #[arg(long, default_value = "models/household.safetensors")]
-    model: PathBuf,
+    /// Model file, with classes of `beo generate household` [default: models/household.safetensors beside the program]
+    #[arg(long)]
+    model: Option<PathBuf>,
     /// Folder for the frames and the pictures: depth, query, completion of every view
     #[arg(long, default_value = "demo", value_name = "DIR")]
     png: PathBuf,
@@ -70,16 +71,17 @@ impl Demo {
         if !(5.0..=85.0).contains(&self.elevation) {
             return Err(Failure::Usage(format!("--elevation {}: use 5 to 85 degrees", self.elevation)));
         }
-        let model = load(&self.model)?;
+        let file = found_models::or_shipped(self.model.clone())?;
+        let model = load(&file)?;
         if let Some(class) = self.objects.iter().find(|object| !model.class_names().any(|class| class == object.as_str())) {
-            let path = self.model.display();
+            let path = file.display();
             return Err(Failure::Failed(format!("{path} has no class `{class}`: train it on what `beo generate household` writes")));
         }
         drop(model);
         std::fs::create_dir_all(&self.png).map_err(cannot_write(&self.png))?;
         let instance = format!("demo-{}", std::process::id());
-        say!("1. the daemon: beo serve --model {} --instance {instance}", self.model.display());
-        let mut daemon = start("beo serve", &["serve", "--instance", &instance, "--model"], &[&self.model])?;
+        say!("1. the daemon: beo serve --model {} --instance {instance}", file.display());
+        let mut daemon = start("beo serve", &["serve", "--instance", &instance, "--model"], &[&file])?;
         let frames = self.png.join("frames");
         say!("2. {} views of each of {}, written to {}", self.views, self.objects.join(", "), frames.display());
         let (views, trajectory) = self.render(&frames)?;
@@ -285,6 +287,6 @@ fn wait_until_watching(watcher: &mut Process) -> Result<(), Failure> {
     if !line.starts_with("watching") {
         return Err(Failure::Failed(format!("{} did not start: {}", watcher.name(), line.trim())));
     }
-    std::thread::spawn(move || messages.lines().map_while(Result::ok).for_each(|line| eprintln!("{line}")));
+    std::thread::spawn(move || messages.lines().map_while(Result::ok).for_each(|line| warn!("{line}")));
     Ok(())
 }

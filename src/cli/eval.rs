@@ -219,7 +219,7 @@ impl Eval {
         let perceiver = Perceiver::open(model)?;
         let model = perceiver.model().clone();
         if let Some(split) = self.split.as_ref().filter(|split| model.metadata.settings.splits.contains(split)) {
-            eprintln!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");
+            warn!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");
         }
         let read = self.shaping.read_options(model.dims())?;
         let shapes =

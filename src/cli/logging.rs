@@ -55,7 +55,7 @@ impl Log {
     /// Says why the program fails, in one line.
     pub fn failure(&self, failure: &Failure) {
         match self.format {
-            Format::Text => eprintln!("beo: {failure}"),
+            Format::Text => warn!("beo: {failure}"),
             Format::Json => tracing::error!(target: OWN, "{failure}"),
         }
     }

@@ -9,11 +9,13 @@ mod arguments;
 #[cfg(feature = "lab")]
 mod bench;
 mod camera;
+mod connecting;
 #[cfg(feature = "lab")]
 mod demo;
 #[cfg(feature = "lab")]
 mod eval;
 mod failure;
+mod found_models;
 mod generate;
 mod inspect;
 #[cfg(feature = "lab")]
@@ -81,12 +83,22 @@ enum Command {
     Bench(bench::Bench),
 }
 
+/// Prints help, or what is wrong with the arguments: in colours, unless an argument holds what a terminal would obey.
+fn print_error(error: &clap::Error) {
+    let text = error.render().to_string();
+    if error.use_stderr() && text.contains(|c: char| c.is_control() && c != '\n') {
+        warn!("{}", text.trim_end());
+    } else {
+        let _ = error.print();
+    }
+}
+
 /// Runs the program: exit code 0 done, 1 failed, 2 wrong usage.
 pub fn run() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
-            let _ = error.print();
+            print_error(&error);
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
@@ -98,7 +110,7 @@ pub fn run() -> ExitCode {
         return ExitCode::from(failure.code());
     }
     if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build_global() {
-        eprintln!("beo: cannot start {} worker threads: {error}", arguments.threads);
+        warn!("beo: cannot start {} worker threads: {error}", arguments.threads);
         return ExitCode::FAILURE;
     }
     let outcome = match arguments.command {

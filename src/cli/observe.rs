@@ -1,11 +1,12 @@
 //! `beo observe`: a camera-side producer that writes observations of shapes into shared memory.
 
 use super::arguments::PoseArgument;
+use super::connecting::Connecting;
 use super::failure::Failure;
 use super::shapes::{CameraArguments, MeshArguments, Source, ViewArgument};
 use super::stop;
 use beo_core::grid::Dims;
-use beo_ipc::{InstanceName, ObservationHeader, PoseSearch, Producer, Status, Subscriber, SubscriberOptions};
+use beo_ipc::{InstanceName, ObservationHeader, PoseSearch, Producer, Subscriber, SubscriberOptions};
 use clap::Args;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -61,9 +62,9 @@ impl Observe {
         }
         let wait = seconds(self.wait)?;
         let stop = stop::on_signal()?;
-        let deadline = Instant::now() + wait;
-        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions::default(), wait)?;
-        let status = first_status(&subscriber, deadline)?;
+        let connecting = Connecting::within(wait, &self.instance, &stop);
+        let subscriber = connecting.open(|| Subscriber::open(&self.instance, &SubscriberOptions::default()))?;
+        let status = connecting.status(&subscriber)?;
         let [x, y, z] = status.dims.map(|side| side as usize);
         let dims = Dims::new(x, y, z)?;
         let read = self.mesh.read_options_of(self.view, dims)?;
@@ -87,7 +88,7 @@ impl Observe {
             }
             ViewArgument::None => (),
         }
-        let producer = Producer::open_within(&self.instance, &template, wait)?;
+        let producer = connecting.open(|| Producer::open(&self.instance, &template))?;
         let count = self.count.unwrap_or(self.files.len() as u64);
         let period = Duration::from_secs_f64(1.0 / self.rate);
         let mut next = Instant::now();
@@ -109,7 +110,9 @@ impl Observe {
             sent += 1;
             next += period;
             while let Some(rest) = next.checked_duration_since(Instant::now()).filter(|_| sent < count) {
-                std::thread::sleep(rest.min(Duration::from_millis(50)));
+                // Reads all the time: percepts of others come too, and no more than some are kept.
+                subscriber.wait(rest.min(Duration::from_millis(50)))?;
+                answered += drain(&subscriber, producer.id())?;
                 if stop.load(Ordering::Relaxed) {
                     break;
                 }
@@ -126,7 +129,10 @@ impl Observe {
                 (answered, quiet) = (answered + more, Instant::now());
             }
         }
-        say!("sent {sent} observations, {answered} answered");
+        match subscriber.missed() {
+            0 => say!("sent {sent} observations, {answered} answered"),
+            missed => say!("sent {sent} observations, {answered} answered; {missed} percepts came faster than they were read"),
+        }
         Ok(())
     }
 }
@@ -138,20 +144,6 @@ fn drain(subscriber: &Subscriber, producer: u64) -> Result<u64, Failure> {
         count += u64::from(percept.producer_id == producer);
     }
     Ok(count)
-}
-
-/// The daemon's status, waited for.
-pub fn first_status(subscriber: &Subscriber, deadline: Instant) -> Result<Status, Failure> {
-    loop {
-        if let Some(status) = subscriber.status()? {
-            return Ok(status);
-        }
-        // History arrives with the daemon's next heartbeat, even when the wait for the daemon itself is used up.
-        if Instant::now() > deadline + Duration::from_secs(2) {
-            return Err(Failure::Failed("the daemon sends no status: is it stopped? Restart `beo serve`".into()));
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
 }
 
 /// A flag's seconds as a duration.

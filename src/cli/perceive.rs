@@ -2,6 +2,7 @@
 
 use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
+use super::found_models;
 use super::pictures::{PictureArguments, Shown};
 use super::shapes::{CameraArguments, MeshArguments, ViewArgument};
 use super::wording::describe_pose;
@@ -19,9 +20,9 @@ pub struct Perceive {
     /// Shapes, or with --view none grids of bytes
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Model file
+    /// Model file [default: models/household.safetensors beside the program]
     #[arg(long)]
-    model: PathBuf,
+    model: Option<PathBuf>,
     /// Bound the memory of a model of a large grid, which is read in place, to so many megabytes: what was read before is given back
     #[arg(long, value_name = "MB")]
     memory: Option<u64>,
@@ -64,7 +65,8 @@ impl Perceive {
             return Err(Failure::Usage(format!("--turn {}: use a finite angle, and complete shapes (--view top or camera)", self.turn)));
         }
         self.pictures.prepare()?;
-        let perceiver = Perceiver::open_within(&self.model, self.memory.map(|mb| mb.saturating_mul(1_000_000)))?;
+        let perceiver =
+            Perceiver::open_within(&found_models::or_shipped(self.model.clone())?, self.memory.map(|mb| mb.saturating_mul(1_000_000)))?;
         let model = perceiver.model().clone();
         let rests = matches!(self.pose, PoseArgument::Rest);
         if rests && self.view != ViewArgument::Camera {
@@ -108,9 +110,9 @@ impl Perceive {
                 // Errors of reading name the file themselves.
                 let (name, text) = (file.display().to_string(), failure.to_string());
                 if text.contains(&name) {
-                    eprintln!("beo: {text}")
+                    warn!("beo: {text}")
                 } else {
-                    eprintln!("beo: {name}: {text}")
+                    warn!("beo: {name}: {text}")
                 }
                 failed += 1;
                 continue;

@@ -1,8 +1,9 @@
 //! `beo record`: writes what the daemon is asked and answers into an MCAP file.
 
 use super::answers::{as_json, as_text, completion_of, label};
+use super::connecting::Connecting;
 use super::failure::Failure;
-use super::observe::{first_status, seconds};
+use super::observe::seconds;
 use super::stop;
 use crate::recording::Recorder;
 use beo_ipc::clock::monotonic_ns;
@@ -53,13 +54,13 @@ impl Record {
             Some(length) => return Err(Failure::Usage(format!("--seconds {length}: use a number above 0"))),
         };
         let stop = stop::on_signal()?;
-        let deadline = Instant::now() + wait;
-        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions { completion: true }, wait)?;
-        let mut status = first_status(&subscriber, deadline)?;
+        let connecting = Connecting::within(wait, &self.instance, &stop);
+        let subscriber = connecting.open(|| Subscriber::open(&self.instance, &SubscriberOptions { completion: true }))?;
+        let mut status = connecting.status(&subscriber)?;
         let observations = match ObservationReader::open(&self.instance) {
             Ok(reader) => Some(reader),
             Err(OpenError::Full { .. }) => {
-                eprintln!("warning: another recorder reads the observations; what was seen is taken from the completions");
+                warn!("warning: another recorder reads the observations; what was seen is taken from the completions");
                 None
             }
             Err(error) => return Err(error.into()),
@@ -68,8 +69,8 @@ impl Record {
         recorder.say(served(&status), monotonic_ns())?;
         recorder.flush()?;
         // Whoever starts a producer after this line misses nothing.
-        eprintln!("recording `{}`", self.instance);
-        let (start, mut taken) = (Instant::now(), 0);
+        warn!("recording `{}`", self.instance);
+        let (start, mut taken, mut missed) = (Instant::now(), 0, 0);
         let mut housekeeping = Instant::now();
         let is_done = |taken: u64| {
             self.count.is_some_and(|count| taken >= count)
@@ -100,6 +101,13 @@ impl Record {
                 taken += 1;
                 take_observations(observations.as_ref(), &mut recorder)?;
             }
+            if subscriber.missed() > missed {
+                recorder.say(
+                    format!("missed {} percepts, which came faster than they were read", subscriber.missed() - missed),
+                    monotonic_ns(),
+                )?;
+                missed = subscriber.missed();
+            }
             if housekeeping.elapsed() > FLUSH {
                 subscriber.maintain();
                 observations.iter().for_each(ObservationReader::maintain);
@@ -108,6 +116,9 @@ impl Record {
             }
         }
         let recorded = recorder.finish()?;
+        if missed > 0 {
+            warn!("missed {missed} percepts, which came faster than they were read");
+        }
         say!(
             "recorded {} percepts, {} completions and {} observations in {:.1} s: {} messages, {:.1} MB in {}",
             recorded.percepts,

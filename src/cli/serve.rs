@@ -2,8 +2,9 @@
 
 use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::Failure;
+use super::found_models;
 use super::stop;
-use crate::service::{Daemon, Recipe, ServeOptions};
+use crate::service::{Daemon, Recipe, ServeOptions, outlive_bus_errors};
 use beo_core::perception::{Method, Query};
 use beo_ipc::InstanceName;
 use clap::Args;
@@ -12,15 +13,17 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Answer observations from shared memory until SIGINT or SIGTERM
 ///
 /// SIGHUP, or `beo reload`, reads the model's file anew: the model before answers until the new one has been checked. Replace the file by
-/// renaming another over it, as `mv` and `beo train --out` do; one that is rewritten in place changes under the daemon. On SIGTERM what
+/// renaming another over it, as `mv` and `beo train --out` do: one that is being rewritten is refused, and one of a grid beyond 64 voxels,
+/// which is read in place, is no longer answered from when it is rewritten. On SIGTERM what
 /// waits is answered for most of a second, and the rest refused. Under systemd the daemon tells how it goes (sd_notify, watchdog).
 #[derive(Args)]
 pub struct Serve {
-    /// Model file
+    /// Model file [default: models/household.safetensors beside the program]
     #[arg(long)]
     model: Option<PathBuf>,
     /// Instance: daemon and clients of one name find each other [default: default]
@@ -103,10 +106,9 @@ impl Serve {
             })?,
             (None, None) => InstanceName::default(),
         };
-        let Some(path) = self.model.or(configuration.model) else {
-            return Err(Failure::Usage("no model: give --model MODEL, or `model = \"…\"` in the --config file".into()));
-        };
-        let signals = stop::of_daemon()?;
+        let path = found_models::or_shipped(self.model.or(configuration.model))?;
+        let loading = Arc::new(AtomicBool::new(true));
+        let signals = stop::of_daemon(loading.clone())?;
         let prior = self.prior.or(configuration.prior).unwrap_or(PriorArgument::Uniform);
         let query = Query {
             method: self.method.or(configuration.method).unwrap_or_default(),
@@ -119,7 +121,10 @@ impl Serve {
         let recipe = Recipe { query, most, prior: Arc::new(move |perceiver| prior.log_prior(perceiver)) };
         // Absolute, so that what `beo status` and `beo reload` say and do does not depend on where the daemon was started.
         let model = std::path::absolute(&path)?;
-        let mut daemon = Daemon::open(ServeOptions { instance: instance.clone(), model, recipe, poll: self.poll })?;
+        outlive_bus_errors().map_err(|error| Failure::Failed(format!("cannot listen for bus errors: {error}")))?;
+        let answerer = recipe.prepare(&model)?;
+        loading.store(false, Ordering::Relaxed);
+        let mut daemon = Daemon::open(ServeOptions { instance: instance.clone(), model, recipe, poll: self.poll }, answerer)?;
         // Scripts wait for this line.
         let model = daemon.model();
         say!("serving `{instance}` with {}: {} classes, {}", path.display(), model.classes.len(), model.dims());

@@ -212,7 +212,7 @@ impl ViewArgument {
 fn read(path: &Path, options: &ReadOptions) -> Result<Occupancy, Failure> {
     let reading = read_shape_noted(path, &options.for_file(path)?)?;
     for note in &reading.notes {
-        eprintln!("note: {}: {note}", path.display());
+        warn!("note: {}: {note}", path.display());
     }
     Ok(reading.object)
 }
@@ -229,19 +229,19 @@ fn say_notes(notes: &[(String, Note)]) {
         (!files.is_empty()).then(|| (files.len(), files[..files.len() - more].join(", ") + &others))
     };
     if let Some((count, files)) = about(&|note| matches!(note, Note::Open { .. })) {
-        eprintln!("warning: {count} meshes are open, so that they are learned hollow ({HOW_TO_CLOSE}): {files}");
+        warn!("warning: {count} meshes are open, so that they are learned hollow ({HOW_TO_CLOSE}): {files}");
     }
     if let Some((count, files)) = about(&|note| matches!(note, Note::Closed { .. })) {
-        eprintln!("closed {count} open meshes: {files}");
+        warn!("closed {count} open meshes: {files}");
     }
     if let Some((count, files)) = about(&|note| matches!(note, Note::PointCloud { .. })) {
-        eprintln!("warning: {count} point clouds are taken as the voxels that hold a point: {files}");
+        warn!("warning: {count} point clouds are taken as the voxels that hold a point: {files}");
     }
     if let Some((count, files)) = about(&|note| matches!(note, Note::Resampled { .. })) {
-        eprintln!("resampled {count} voxel files of other sizes: {files}");
+        warn!("resampled {count} voxel files of other sizes: {files}");
     }
     for (file, note) in notes.iter().filter(|(_, note)| matches!(note, Note::Count(_))).take(MOST_NAMED) {
-        eprintln!("warning: {file}: {note}");
+        warn!("warning: {file}: {note}");
     }
 }
 
@@ -250,22 +250,22 @@ pub fn load(folder: &Path, splits: &[String], options: &LoadOptions) -> Result<S
     let wanted: Vec<&str> = splits.iter().map(String::as_str).collect();
     let library = library::scan(folder, &wanted)?;
     if library.placed {
-        eprintln!("{}: the meshes were placed by `beo align` and are taken as they lie, whatever --longest and --up", folder.display());
+        warn!("{}: the meshes were placed by `beo align` and are taken as they lie, whatever --longest and --up", folder.display());
     }
     let bar = progress::bar(library.files.len(), "reading shapes");
     let shapes = library::load(&library, options, |_| bar.inc(1));
     bar.finish_and_clear();
     let shapes = shapes?;
     for skipped in &shapes.skipped {
-        eprintln!("skipped {skipped}");
+        warn!("skipped {skipped}");
     }
     for (one, other) in &shapes.shared {
-        eprintln!("warning: {one} and {other} are the same shape under two classes; both are kept");
+        warn!("warning: {one} and {other} are the same shape under two classes; both are kept");
     }
     say_notes(&shapes.notes);
     let counts = shapes.skip_counts();
     if !shapes.skipped.is_empty() {
-        eprintln!(
+        warn!(
             "skipped {} of {} files: {} unreadable, {} empty or nearly so, {} duplicates",
             shapes.skipped.len(),
             library.files.len(),

@@ -21,9 +21,19 @@ pub fn hold_hangup() -> Result<(), Failure> {
 }
 
 /// What a daemon listens to: SIGINT and SIGTERM end it, SIGHUP reloads its model. `ctrlc` cannot tell them apart, so SIGHUP is held back
-/// from its handler ([`hold_hangup`]) and waited for here; one that came before waits.
-pub fn of_daemon() -> Result<Signals, Failure> {
-    let signals = Signals { stop: on_signal()?, ..Signals::default() };
+/// from its handler ([`hold_hangup`]) and waited for here; one that came before waits. As long as `loading` is set, there is nothing to be
+/// cleaned up yet, and the process ends at once.
+pub fn of_daemon(loading: Arc<AtomicBool>) -> Result<Signals, Failure> {
+    let signals = Signals::default();
+    let stop = signals.stop.clone();
+    let handle = move || {
+        if loading.load(Ordering::Relaxed) {
+            warn!("beo: interrupted while loading the model");
+            std::process::exit(1);
+        }
+        stop.store(true, Ordering::Relaxed);
+    };
+    ctrlc::set_handler(handle).map_err(cannot_listen)?;
     let reload = signals.reload.clone();
     let wait = move || {
         while hangup().wait().is_ok() {

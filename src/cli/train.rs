@@ -301,7 +301,7 @@ impl Train {
         let loaded = start.elapsed();
         let is_metric = shapes.set.lengths_m.is_some();
         if units != Units::None && !is_metric {
-            eprintln!(
+            warn!(
                 "true sizes are not learned: of some shapes the size is not known (.npy has none, and what `beo align` wrote has lost it)"
             );
         }

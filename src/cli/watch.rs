@@ -1,8 +1,9 @@
 //! `beo watch`: prints what the daemon perceives.
 
 use super::answers::{as_json, as_text, as_value, completion_of};
+use super::connecting::Connecting;
 use super::failure::Failure;
-use super::observe::{first_status, seconds};
+use super::observe::seconds;
 use super::pictures::{PictureArguments, Shown};
 use super::stop;
 use beo_ipc::clock::monotonic_ns;
@@ -34,6 +35,15 @@ pub struct Watch {
     wait: f64,
 }
 
+/// Says how many percepts came faster than they were read, those that were `told` before apart.
+fn say_missed(told: &mut u64, subscriber: &Subscriber) {
+    let missed = subscriber.missed();
+    if missed > *told {
+        warn!("missed {} percepts, which came faster than they were read", missed - *told);
+        *told = missed;
+    }
+}
+
 impl Watch {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
@@ -41,16 +51,16 @@ impl Watch {
         let wait = seconds(self.wait)?;
         self.pictures.prepare()?;
         let stop = stop::on_signal()?;
-        let deadline = Instant::now() + wait;
-        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions { completion: true }, wait)?;
-        let mut status = first_status(&subscriber, deadline)?;
+        let connecting = Connecting::within(wait, &self.instance, &stop);
+        let subscriber = connecting.open(|| Subscriber::open(&self.instance, &SubscriberOptions { completion: true }))?;
+        let mut status = connecting.status(&subscriber)?;
         // Whoever starts a producer after this line misses nothing.
-        eprintln!("watching `{}`", self.instance);
+        warn!("watching `{}`", self.instance);
         // Drawing takes longer than a percept, so it is done in another thread.
         let (drawings, drawn) = channel::<Shown>();
         let wanted = self.pictures.clone();
         let artist = std::thread::spawn(move || drawn.iter().try_for_each(|shown| shown.save(&wanted)));
-        let mut shown = 0;
+        let (mut shown, mut told) = (0, 0);
         let mut housekeeping = Instant::now();
         while self.count.is_none_or(|count| shown < count) && !stop.load(Ordering::Relaxed) {
             subscriber.wait(Duration::from_millis(50))?;
@@ -88,6 +98,7 @@ impl Watch {
                 shown += 1;
             }
             if housekeeping.elapsed() > Duration::from_secs(1) {
+                say_missed(&mut told, &subscriber);
                 subscriber.maintain();
                 housekeeping = Instant::now();
             }
@@ -95,6 +106,7 @@ impl Watch {
                 break;
             }
         }
+        say_missed(&mut told, &subscriber);
         drop(drawings);
         artist.join().unwrap_or_else(|_| Err(Failure::Failed("drawing failed".into())))
     }

@@ -21,6 +21,7 @@
 mod clock;
 mod file;
 mod messages;
+mod producers;
 mod recorder;
 
 pub use clock::Clock;

@@ -3,6 +3,7 @@
 use super::Clock;
 use super::file::{Channel, McapFile, RecordError, Recorded, Times};
 use super::messages::{About, completed_points, completion, frame_of, object, observed_points, pose_in_frame, transform};
+use super::producers::Producers;
 use crate::export::{GridPlacement, surface_of};
 use beo_core::grid::{Dims, Observation, from_xyzw};
 use beo_ipc::{CompletionFrame, CompletionHeader, ObservationHeader, Percept, PerceptStatus};
@@ -22,8 +23,7 @@ pub struct Recorder {
     file: McapFile,
     clock: Clock,
     channels: [Channel; 8],
-    /// Producers in the order of their first message: their numbers in the recording.
-    producers: BTreeMap<u64, usize>,
+    producers: Producers,
     recorded: Recorded,
 }
 
@@ -47,7 +47,7 @@ impl Recorder {
         let mut notes = notes;
         notes.insert("monotonic_to_unix_ns".into(), clock.offset_ns().to_string());
         file.note("beo", notes)?;
-        Ok(Self { file, clock, channels, producers: BTreeMap::new(), recorded: Recorded::default() })
+        Ok(Self { file, clock, channels, producers: Producers::default(), recorded: Recorded::default() })
     }
 
     /// An observation: what was seen of it. One whose header or voxels make no sense is left out; the daemon's answer says why it refused
@@ -160,8 +160,7 @@ impl Recorder {
     }
 
     fn about(&mut self, producer_id: u64, object_id: u64, frame_id: &[u8; 32], capture_ns: u64) -> About {
-        let next = self.producers.len() + 1;
-        let producer = *self.producers.entry(producer_id).or_insert(next);
+        let producer = self.producers.number(producer_id);
         About { object: format!("camera{producer}/object{object_id}"), frame: frame_of(frame_id), capture_ns, clock: self.clock }
     }
 }

@@ -1,6 +1,7 @@
 //! The loop: wait, receive, answer, heartbeat.
 
 use super::answer::{Answerer, unsupported};
+use super::bus_errors::pages_gone;
 use super::error::ServeError;
 use super::latency::Latencies;
 use super::notify::Supervisor;
@@ -67,13 +68,12 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Loads the model and sets up the channels of the instance. Observations that arrive from now on are answered once [`Self::run`]
-    /// runs.
+    /// Sets up the channels of the instance, for the model that the options name, prepared by their recipe. Observations that arrive from
+    /// now on are answered once [`Self::run`] runs.
     ///
     /// # Errors
     /// [`ServeError`].
-    pub fn open(options: ServeOptions) -> Result<Self, ServeError> {
-        let answerer = options.recipe.prepare(&options.model)?;
+    pub fn open(options: ServeOptions, answerer: Answerer) -> Result<Self, ServeError> {
         let dims = answerer.model().dims();
         let sides = <[usize; 3]>::from(dims).map(|side| side as u32);
         let server = Server::open(&options.instance, &ServerOptions::new(sides))?;
@@ -196,6 +196,7 @@ impl Daemon {
     /// Copies what has arrived into the queue; what cannot be answered is refused at once.
     fn receive(&mut self) {
         for _ in 0..MOST_AT_ONCE {
+            let gone = pages_gone();
             let observation = match self.server.receive() {
                 Ok(Some(observation)) => observation,
                 Ok(None) => return,
@@ -206,13 +207,18 @@ impl Daemon {
                 }
             };
             let received_ns = monotonic_ns();
-            let header = observation.header();
+            let (origin, header) = (observation.origin(), observation.header());
             self.status.received += 1;
             self.status.overflowed += self.sequences.missing_before(header.producer_id, header.sequence, received_ns);
             let method = self.options.recipe.query.method;
             let outcome = observation.voxels().and_then(|voxels| match unsupported(header, self.status.dims, method) {
                 Some(refusal) => Err(refusal),
-                None => self.streams.push(header, voxels, received_ns).map_err(|error| refusal(&error, header)),
+                // What was gone when it was copied is zeros, which nobody has sent.
+                None => match self.streams.push(origin, header, voxels, received_ns, || pages_gone() == gone) {
+                    Ok(Some(displaced)) => Ok(displaced),
+                    Ok(None) => Err(Refusal::Cut { payload_len: voxels.len() }),
+                    Err(error) => Err(refusal(&error, header)),
+                },
             });
             match outcome {
                 Ok(displaced) => self.status.dropped += displaced as u64,

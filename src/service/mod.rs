@@ -7,6 +7,7 @@
 //! | `belief` | the class of an object that is seen in several frames |
 //! | `asked` | what a header asks for |
 //! | `answer` | one observation in, percept and completion out |
+//! | `bus_errors` | shared memory that a peer cuts while it is mapped |
 //! | `recipe` | from a model file to what answers |
 //! | `reload` | another model, loaded while the one before serves |
 //! | `sequences` | observations that were lost before they were taken |
@@ -17,6 +18,7 @@
 mod answer;
 mod asked;
 mod belief;
+mod bus_errors;
 mod daemon;
 mod error;
 mod latency;
@@ -27,7 +29,9 @@ mod sequences;
 mod streams;
 mod tracks;
 
+pub use answer::Answerer;
 pub use asked::ask;
+pub use bus_errors::outlive as outlive_bus_errors;
 pub use daemon::{Daemon, ServeOptions, Signals};
 pub use error::ServeError;
 pub use recipe::{Prior, Recipe};

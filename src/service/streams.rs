@@ -1,5 +1,6 @@
 //! Observations that wait for an answer: the newest of each (producer, object) stream. Producers take turns, each with the stream that
-//! began to wait first, so that a flood of one, in however many streams, cannot starve another.
+//! began to wait first, so that a flood of one, in however many streams, cannot starve another. Whose turn it is goes by where an observation
+//! comes from, as the connection says, and not by what its header says: under however many names, a producer has one turn.
 
 use beo_core::grid::{Dims, Observation, ObservationError};
 use beo_ipc::ObservationHeader;
@@ -16,6 +17,8 @@ pub struct Waiting {
     pub observation: Observation,
     /// When it was taken, CLOCK_MONOTONIC.
     pub received_ns: u64,
+    /// Which producer it comes from.
+    origin: u128,
 }
 
 /// The queue, and a pool of grids so that a warm queue does not allocate.
@@ -30,7 +33,7 @@ pub struct Streams {
 
 /// A producer of which something waits.
 struct Share {
-    producer: u64,
+    origin: u128,
     /// Its waiting streams.
     streams: usize,
 }
@@ -46,55 +49,65 @@ impl Streams {
         }
     }
 
-    /// Copies an observation in, checking every voxel as it is copied. Returns how many waiting observations it displaced.
-    pub fn push(&mut self, header: &ObservationHeader, voxels: &[u8], received_ns: u64) -> Result<usize, ObservationError> {
+    /// Copies an observation in, checking every voxel as it is copied. Returns how many waiting observations it displaced; none, and nothing
+    /// waits, if it was not intact once it had been copied.
+    pub fn push(
+        &mut self,
+        origin: u128,
+        header: &ObservationHeader,
+        voxels: &[u8],
+        received_ns: u64,
+        is_intact: impl FnOnce() -> bool,
+    ) -> Result<Option<usize>, ObservationError> {
         let mut observation = self.pool.pop().unwrap_or_else(|| Observation::unknown(self.dims));
-        if let Err(error) = observation.read(voxels) {
+        let copied = observation.read(voxels);
+        let is_intact = is_intact();
+        if copied.is_err() || !is_intact {
             self.pool.push(observation);
-            return Err(error);
+            return if is_intact { copied.map(|()| None) } else { Ok(None) };
         }
-        let fresh = Waiting { header: *header, observation, received_ns };
-        let stream = |w: &Waiting| (w.header.producer_id, w.header.object_id);
+        let fresh = Waiting { header: *header, observation, received_ns, origin };
+        let stream = |w: &Waiting| (w.origin, w.header.producer_id, w.header.object_id);
         if let Some(older) = self.waiting.iter_mut().find(|w| stream(w) == stream(&fresh)) {
             let older = std::mem::replace(older, fresh);
             self.pool.push(older.observation);
-            return Ok(1);
+            return Ok(Some(1));
         }
         let displaced = if self.waiting.len() == MOST_STREAMS { self.give_one_up() } else { 0 };
-        match self.producers.iter_mut().find(|share| share.producer == header.producer_id) {
+        match self.producers.iter_mut().find(|share| share.origin == origin) {
             Some(share) => share.streams += 1,
-            None => self.producers.push_back(Share { producer: header.producer_id, streams: 1 }),
+            None => self.producers.push_back(Share { origin, streams: 1 }),
         }
         self.waiting.push_back(fresh);
-        Ok(displaced)
+        Ok(Some(displaced))
     }
 
     /// Takes from the producer that has most. Returns how many were given up.
     fn give_one_up(&mut self) -> usize {
         let Some(most) = (0..self.producers.len()).max_by_key(|place| self.producers[*place].streams) else { return 0 };
-        let producer = self.producers[most].producer;
+        let origin = self.producers[most].origin;
         self.producers[most].streams -= 1;
         if self.producers[most].streams == 0 {
             self.producers.remove(most);
         }
-        self.oldest_of(producer).map_or(0, |oldest| {
+        self.oldest_of(origin).map_or(0, |oldest| {
             self.pool.push(oldest.observation);
             1
         })
     }
 
-    fn oldest_of(&mut self, producer: u64) -> Option<Waiting> {
-        let place = self.waiting.iter().position(|waiting| waiting.header.producer_id == producer)?;
+    fn oldest_of(&mut self, origin: u128) -> Option<Waiting> {
+        let place = self.waiting.iter().position(|waiting| waiting.origin == origin)?;
         self.waiting.remove(place)
     }
 
     /// The next observation to answer. Give its grid back with [`Self::recycle`].
     pub fn pop(&mut self) -> Option<Waiting> {
-        let Share { producer, streams } = self.producers.pop_front()?;
+        let Share { origin, streams } = self.producers.pop_front()?;
         if streams > 1 {
-            self.producers.push_back(Share { producer, streams: streams - 1 });
+            self.producers.push_back(Share { origin, streams: streams - 1 });
         }
-        self.oldest_of(producer)
+        self.oldest_of(origin)
     }
 
     /// Takes a grid back for reuse.
@@ -115,7 +128,9 @@ mod tests {
     fn only_the_newest_of_a_stream_waits_and_streams_keep_their_turn() {
         let mut streams = Streams::new(Dims::cube(8).unwrap());
         let voxels = vec![255; 512];
-        let mut push = |producer, object, sequence| streams.push(&header(producer, object, sequence), &voxels, 0).unwrap();
+        let mut push = |producer: u64, object, sequence| {
+            streams.push(producer.into(), &header(producer, object, sequence), &voxels, 0, || true).unwrap().unwrap()
+        };
         assert_eq!([push(1, 1, 1), push(2, 1, 1), push(1, 1, 2), push(1, 2, 3), push(1, 1, 4)], [0, 0, 1, 0, 1]);
         let mut order = Vec::new();
         while let Some(waiting) = streams.pop() {
@@ -128,12 +143,16 @@ mod tests {
     #[test]
     fn a_flood_of_streams_neither_displaces_another_producer_nor_goes_before_it() {
         let mut streams = Streams::new(Dims::cube(8).unwrap());
-        let mut push = |producer, object| streams.push(&header(producer, object, 1), &[0; 512], 0).unwrap();
+        // The first producer gives itself many names: its turns are as many as those of one.
+        let mut push = |origin: u64, object| {
+            let named = if origin == 1 { 1000 + object % 7 } else { origin };
+            streams.push(origin.into(), &header(named, object, 1), &[0; 512], 0, || true).unwrap().unwrap()
+        };
         let flood = 3 * MOST_STREAMS as u64;
         let displaced: usize = (0..flood).map(|object| push(1, object)).sum::<usize>() + push(2, 7) + push(3, 7);
         let displaced = displaced + (0..flood).map(|object| push(1, flood + object)).sum::<usize>();
         assert_eq!(displaced, 2 * flood as usize + 2 - MOST_STREAMS);
-        let order: Vec<u64> = std::iter::from_fn(|| streams.pop()).map(|waiting| waiting.header.producer_id).collect();
+        let order: Vec<u128> = std::iter::from_fn(|| streams.pop()).map(|waiting| waiting.origin).collect();
         assert_eq!((order.len(), &order[..5]), (MOST_STREAMS, &[1, 2, 3, 1, 1][..]));
         assert!(streams.producers.is_empty());
     }
@@ -141,9 +160,16 @@ mod tests {
     #[test]
     fn the_queue_is_bounded_and_bad_voxels_do_not_enter_it() {
         let mut streams = Streams::new(Dims::cube(8).unwrap());
-        let displaced: usize = (0..MOST_STREAMS as u64 + 5).map(|i| streams.push(&header(1, i, i), &[0; 512], 0).unwrap()).sum();
+        let displaced: usize =
+            (0..MOST_STREAMS as u64 + 5).map(|i| streams.push(1, &header(1, i, i), &[0; 512], 0, || true).unwrap().unwrap()).sum();
         assert_eq!(displaced, 5);
         assert_eq!(streams.pop().unwrap().header.object_id, 5);
-        assert!(streams.push(&header(9, 9, 9), &[7; 512], 0).is_err());
+        let waiting = streams.waiting.len();
+        assert!(streams.push(9, &header(9, 9, 9), &[7; 512], 0, || true).is_err());
+        // What was cut while it was copied does not wait, and displaces nothing, whatever was read of it.
+        for code in [7, 0] {
+            assert_eq!(streams.push(1, &header(1, 6, 9), &[code; 512], 0, || false), Ok(None));
+        }
+        assert_eq!(streams.waiting.len(), waiting);
     }
 }

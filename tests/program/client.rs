@@ -41,7 +41,8 @@ impl Client {
             if let Some(status) = status.filter(&wanted) {
                 return status;
             }
-            assert!(start.elapsed() < PATIENCE, "{status:?}");
+            let counters = status.map(|s| (s.received, s.answered, s.refused, s.dropped, s.overflowed, s.failed, s.state));
+            assert!(start.elapsed() < PATIENCE, "received, answered, refused, dropped, overflowed, failed, state: {counters:?}");
             std::thread::sleep(Duration::from_millis(5));
         }
     }

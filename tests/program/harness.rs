@@ -1,5 +1,8 @@
 //! Starting the program, a small model to serve, and ending every process by its id.
 
+#[path = "watchdog.rs"]
+pub mod watchdog;
+
 use beo_core::grid::{Dims, Observation, Occupancy, Rotation, Turn, View};
 use beo_core::perception::{Perceiver, Percept, Query};
 use beo_shapes::{furniture, write_binvox};
@@ -57,6 +60,7 @@ impl Running {
     /// Starts it.
     pub fn start(mut command: Command) -> Self {
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+        watchdog::started(child.id());
         let (stdout, stderr) = (child.stdout.take().map(lines), child.stderr.take().map(lines));
         Self { child, stdout, stderr }
     }
@@ -80,6 +84,11 @@ impl Running {
     pub fn signal(&self, signal: rustix::process::Signal) {
         let pid = rustix::process::Pid::from_raw(self.id() as i32).unwrap();
         rustix::process::kill_process(pid, signal).unwrap();
+    }
+
+    /// Whether it has ended.
+    pub fn has_ended(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
     }
 
     /// Waits for its end.
@@ -111,6 +120,7 @@ impl Drop for Running {
         }
         let _ = self.child.kill();
         let _ = self.child.wait();
+        watchdog::ended(self.child.id());
     }
 }
 

@@ -1,11 +1,13 @@
 //! What a broken or hostile producer writes gives a percept that says so to that producer, and nothing else.
 
 use crate::client::{Client, DIMS, block, explanation};
+use crate::faults::roles::{Actor, Role};
 use crate::harness::{PATIENCE, RESOLUTION, instance, segments, serve};
-use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, tasks};
+use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, PoseSearch, tasks};
 use iceoryx2::prelude::{NodeBuilder, SignalHandlingMode, ipc};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rustix::process::Signal;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
@@ -243,4 +245,71 @@ fn what_is_written_while_the_daemon_reads_gives_a_valid_answer_or_a_refusal() {
     });
     let after = ask(&honest, |_, _| {});
     assert_eq!((after.status, after.posterior), (0, before.posterior));
+}
+
+/// How many bytes an observation has stands in memory that its producer can write: nothing beyond its own chunk is taken for it.
+#[test]
+fn a_forged_length_reaches_no_further_than_the_producers_chunk() {
+    // No number of the header is this one.
+    const BYTES: usize = 521;
+    let name = instance();
+    let _daemon = serve(&name);
+    let honest = Client::new(&name);
+    ask(&honest, |_, _| {});
+    let node =
+        NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&beo_ipc::node::config()).create::<ipc::Service>();
+    let node = node.unwrap();
+    let service = InstanceName::new(&name).unwrap().observation().as_str().try_into().unwrap();
+    let service = node.service_builder(&service).publish_subscribe::<[u8]>().user_header::<ObservationHeader>().open().unwrap();
+    let publisher = service.publisher_builder().initial_max_slice_len(BYTES).create().unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for (sequence, length) in [(1, RESOLUTION.pow(3) as u64), (2, u64::MAX), (3, BYTES as u64)] {
+        let mut sample = publisher.loan_slice_uninit(BYTES).unwrap();
+        *sample.user_header_mut() = ObservationHeader { producer_id: 5, sequence, tasks: tasks::CLASS, ..ObservationHeader::new(DIMS) };
+        let needle: [u8; 64] = std::array::from_fn(|_| random.next_u32() as u8);
+        let sample = sample.write_from_fn(|byte| needle.get(byte).copied().unwrap_or(0));
+        let (file, payload) = find(&needle);
+        // Before the payload comes our header, and before that iceoryx2's, with the number of elements.
+        let mut before = vec![0; 600.min(payload as usize)];
+        let start = payload - before.len() as u64;
+        File::open(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&file))).unwrap().read_exact_at(&mut before, start).unwrap();
+        let at = before.windows(8).rposition(|bytes| bytes == (BYTES as u64).to_le_bytes()).expect("the number of elements");
+        file.write_all_at(&length.to_le_bytes(), start + at as u64).unwrap();
+        sample.send().unwrap();
+        let percept = honest.percept((5, sequence));
+        assert_eq!(percept.status, PerceptStatus::BadDims.code(), "{}", explanation(&percept));
+        assert!(explanation(&percept).contains(&format!("has {BYTES} bytes")), "{}", explanation(&percept));
+    }
+    assert_eq!(ask(&honest, |_, _| {}).status, 0);
+}
+
+/// Whoever may write a segment may cut it: what waits in it is gone, and nothing else.
+#[test]
+fn a_producer_that_cuts_its_memory_ends_nobody_else() {
+    let name = instance();
+    let mut daemon = serve(&name);
+    let honest = Client::new(&name);
+    let before = ask(&honest, |_, _| {});
+    for length in [0, 4096, 5000] {
+        let mut hostile = Actor::start(Role::Producer { every_ms: 5, search: PoseSearch::Known }, &name);
+        honest.percept((hostile.id, 1));
+        // Now the daemon has mapped its segment, and what comes waits in it.
+        daemon.signal(Signal::STOP);
+        drop(hostile.heard("sent"));
+        (0..3).for_each(|_| drop(hostile.hear("sent")));
+        hostile.process.signal(Signal::STOP);
+        let refused = honest.status(|_| true).refused;
+        let cut: Vec<_> = segments(hostile.process.id()).into_iter().filter(|path| path.extension().is_some_and(|e| e == "data")).collect();
+        assert!(!cut.is_empty());
+        for path in &cut {
+            OpenOptions::new().write(true).open(path).unwrap().set_len(length).unwrap();
+        }
+        daemon.signal(Signal::CONT);
+        honest.status(|status| status.refused > refused && status.waiting() == 0);
+        let after = ask(&honest, |_, _| {});
+        assert_eq!((after.status, after.posterior, after.daemon_id), (0, before.posterior, before.daemon_id));
+        hostile.kill();
+    }
+    daemon.signal(Signal::TERM);
+    assert!(daemon.wait().success());
 }

@@ -49,8 +49,81 @@ fn wrong_usage_is_exit_code_2() {
     fails(&["demo", "--elevation", "90"], 2, &["5 to 85"]);
     fails(&["demo", "--objects", "sofa"], 2, &["sofa", "mug"]);
     fails(&["observe", "f.ply", "--point-clouds"], 2, &["--point-clouds"]);
-    fails(&["serve"], 2, &["--model"]);
     fails(&["serve", "--model", "m", "--instance", "a/b"], 2, &["a/b", "use letters"]);
+}
+
+/// Where nothing is said, the model that comes with the program is meant: it is for larger grids than this shape.
+#[test]
+fn the_model_beside_the_program_is_the_default() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = shape(folder.path(), "chair", 1);
+    let output = run(["perceive", file.to_str().unwrap()]);
+    let message = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && message.contains("16×16×16") && message.contains("30×30×30"), "{message}");
+    // Of a program that lies alone, the models that are found are named.
+    let alone = folder.path().join("beo");
+    std::fs::copy(env!("CARGO_BIN_EXE_beo"), &alone).unwrap();
+    let ask = || {
+        let output = std::process::Command::new(&alone).args(["serve"]).current_dir(folder.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let message = ask();
+    assert!(message.contains("--model") && message.contains("beo train"), "{message}");
+    std::fs::create_dir(folder.path().join("models")).unwrap();
+    std::fs::copy(model(), folder.path().join("models/mine.safetensors")).unwrap();
+    let message = ask();
+    assert!(message.contains("models/mine.safetensors"), "{message}");
+}
+
+/// A name of a file can hold what a terminal obeys: it moved the cursor and cleared the screen.
+#[test]
+fn names_of_files_do_not_reach_a_terminal_as_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let shapes = folder.path().join("shapes");
+    std::fs::create_dir_all(shapes.join("chair/train")).unwrap();
+    let hostile = shapes.join("chair/train/\u{1b}[2J\u{7}.off");
+    std::fs::write(&hostile, "no").unwrap();
+    let good = shape(folder.path(), "chair", 1);
+    let named = folder.path().join("\u{1b}[31mred.binvox");
+    std::fs::copy(&good, &named).unwrap();
+    let [hostile, named, shapes] = [&hostile, &named, &shapes].map(|path| path.to_str().unwrap());
+    let model = model().to_str().unwrap();
+    for arguments in [
+        &["perceive", named, "--model", model][..],
+        &["perceive", hostile, "--model", model],
+        &["inspect", hostile],
+        &["train", shapes, "--out", "m"],
+        &["perceive", "--\u{1b}[31m"],
+        &["serve", "--model", hostile, "--log-format", "json"],
+        &["align", shapes, "--out", hostile],
+    ] {
+        let output = run(arguments);
+        let said = text(&output.stdout) + &text(&output.stderr);
+        assert!(!said.is_empty() && !said.contains(|c: char| c.is_control() && c != '\n'), "{arguments:?}: {said:?}");
+    }
+}
+
+/// Ctrl-C ends a command that waits for a daemon; it waited for as long as it had been told.
+#[test]
+fn whoever_waits_for_a_daemon_can_be_interrupted() {
+    let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+    let out = folder.path().join("a.mcap");
+    let file = shape(folder.path(), "chair", 1);
+    for arguments in [&["watch"][..], &["status"], &["record", out.to_str().unwrap()], &["observe", file.to_str().unwrap()]] {
+        let mut waiting = Running::start(beo(arguments.iter().chain(&["--instance", &name, "--wait", "86400"])));
+        let start = std::time::Instant::now();
+        // Before it listens for signals, the first ends it; later ones must do so too.
+        loop {
+            std::thread::sleep(std::time::Duration::from_millis(100));
+            if waiting.has_ended() {
+                break;
+            }
+            waiting.signal(rustix::process::Signal::INT);
+            assert!(start.elapsed() < crate::harness::PATIENCE, "{arguments:?} does not end");
+        }
+        assert!(!out.exists());
+    }
 }
 
 #[test]

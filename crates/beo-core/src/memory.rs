@@ -23,10 +23,20 @@ pub fn available() -> Option<Available> {
         .map(|bytes| Available { bytes, limit: "the control group" });
     let own = getrlimit(Resource::As).current.and_then(|limit| {
         let pages: u64 = read("/proc/self/statm").split_whitespace().next()?.parse().ok()?;
-        let bytes = limit.saturating_sub(pages * rustix::param::page_size() as u64);
+        let threads = rayon::current_num_threads() as u64 + 1;
+        let kept = threads * kept_by_a_thread(&read("/sys/devices/system/cpu/cpu0/cache/index3/size"));
+        let bytes = limit.saturating_sub(pages * rustix::param::page_size() as u64).saturating_sub(kept);
         Some(Available { bytes, limit: "the process (`ulimit -v`)" })
     });
     [machine, group, own].into_iter().flatten().min_by_key(|available| available.bytes)
+}
+
+/// Address space that each thread takes which multiplies matrices: twice the third cache, given its size as the system writes it. faer keeps
+/// room of that size for the two factors, which is never all touched: it counts against a limit of addresses alone.
+fn kept_by_a_thread(third_cache: &str) -> u64 {
+    const USUAL_KB: u64 = 32 * 1024;
+    let size_kb = third_cache.trim().strip_suffix('K').and_then(|size| size.parse().ok()).unwrap_or(USUAL_KB);
+    2 * 1024 * size_kb
 }
 
 /// `MemAvailable` of /proc/meminfo.
@@ -75,6 +85,13 @@ mod tests {
         assert_eq!(machine("MemTotal: 9 kB\n"), None);
         assert_eq!(machine("MemAvailable: many kB"), None);
         assert!(available().is_some_and(|available| available.bytes > 0), "on the machine that runs the tests");
+    }
+
+    #[test]
+    fn a_thread_that_multiplies_keeps_twice_the_third_cache() {
+        assert_eq!(kept_by_a_thread("32768K\n"), 64 << 20);
+        assert_eq!(kept_by_a_thread("2048K\n"), 4 << 20);
+        assert_eq!(kept_by_a_thread(""), 64 << 20, "where the system does not say");
     }
 
     #[test]

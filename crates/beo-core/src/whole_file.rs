@@ -154,7 +154,9 @@ mod tests {
         let mut both = [0, 1].map(|_| WholeFile::create(&path).unwrap());
         both[0].write_all(b"first").unwrap();
         both[1].write_all(b"the second").unwrap();
-        both.into_iter().for_each(|file| file.keep().unwrap());
+        for file in both {
+            file.keep().unwrap();
+        }
         assert_eq!((std::fs::read(&path).unwrap(), names(folder.path())), (b"the second".to_vec(), vec!["a".to_owned()]));
     }
 

@@ -122,6 +122,22 @@ pub unsafe extern "C" fn beo_subscriber_take_percept(subscriber: *mut Subscriber
     })
 }
 
+/// How many percepts were published between those that this subscriber has taken, and lost here, to `*missed`: more came than are kept for a
+/// reader, or they came from a daemon before it was connected to. Compare it with what it was before: it only grows.
+///
+/// # Safety
+/// `missed` is NULL or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn beo_subscriber_missed(subscriber: *mut SubscriberHandle, missed: *mut u64) -> Outcome {
+    guard(|| {
+        must_not_be_null(missed, "missed")?;
+        let count = SUBSCRIBERS.with(subscriber, |subscriber| Ok::<_, Failure>(subscriber.missed()))?;
+        // SAFETY: writable, as the caller promises.
+        unsafe { store(missed, count) };
+        Ok(Outcome::Ok)
+    })
+}
+
 /// Takes the oldest completion not yet taken, where it lies: stores its handle in `*completion`, and where its arrays are in `*view`. A
 /// completion comes before the percept of the same observation.
 ///

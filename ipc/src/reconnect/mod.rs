@@ -12,8 +12,12 @@ pub use subscriber::{ReconnectingSubscriber, Waited};
 
 use std::time::{Duration, Instant};
 
-/// How often the daemon is looked at or looked for.
+/// How often the daemon is looked at.
 const LOOK: Duration = Duration::from_millis(250);
+
+/// How often one is looked for while none is there: a look costs some tens of microseconds, and what a daemon publishes before it is found
+/// is lost but for the last.
+const SEARCH: Duration = Duration::from_millis(10);
 
 /// How often what the dead left is cleaned up while the daemon is silent: a pass over all of iceoryx2's nodes.
 const CLEAN_UP: Duration = Duration::from_secs(1);

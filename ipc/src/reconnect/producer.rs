@@ -1,6 +1,6 @@
 //! A producer that outlives the daemon.
 
-use super::{CLEAN_UP, LOOK, Pace};
+use super::{CLEAN_UP, LOOK, Pace, SEARCH};
 use crate::InstanceName;
 use crate::channel;
 use crate::error::{OpenError, ReconnectError, retry_within};
@@ -75,6 +75,7 @@ impl ReconnectingProducer {
         if !link.daemon_runs() {
             self.sent_before = link.sent();
             self.link = None;
+            self.look = Pace::new(SEARCH);
             self.look.hurry();
         }
     }
@@ -84,7 +85,10 @@ impl ReconnectingProducer {
             return Ok(());
         }
         match Producer::open_as(&self.instance, &self.template, self.sent_before) {
-            Ok(link) => self.link = Some(link),
+            Ok(link) => {
+                self.link = Some(link);
+                self.look = Pace::new(LOOK);
+            }
             Err(error) if error.is_retryable() => {}
             Err(error) => return Err(error),
         }

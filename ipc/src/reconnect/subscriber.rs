@@ -1,16 +1,18 @@
 //! A subscriber that outlives the daemon.
 
-use super::{CLEAN_UP, LOOK, Pace};
+use super::{CLEAN_UP, LOOK, Pace, SEARCH};
 use crate::InstanceName;
 use crate::channel::{self, Woken};
 use crate::clock::monotonic_ns;
 use crate::error::{OpenError, ReconnectError, retry_within};
+use crate::gaps::Gaps;
 use crate::messages::{Percept, Status};
 use crate::subscriber::{Completion, Subscriber, SubscriberOptions};
 use rustix::event::{Timespec, epoll};
 use rustix::io::Errno;
 use rustix::time::{Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, timerfd_create, timerfd_settime};
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A daemon that has been silent for so many heartbeats may be dead.
@@ -40,6 +42,7 @@ pub struct ReconnectingSubscriber {
     link: Option<Subscriber>,
     connected: Instant,
     last_status: Option<Status>,
+    gaps: Mutex<Gaps>,
     descriptor: Option<Descriptor>,
     look: Pace,
     clean_up: Pace,
@@ -58,6 +61,7 @@ impl ReconnectingSubscriber {
             link,
             connected: Instant::now(),
             last_status: None,
+            gaps: Mutex::default(),
             descriptor: None,
             look: Pace::new(LOOK),
             clean_up: Pace::new(CLEAN_UP),
@@ -102,7 +106,7 @@ impl ReconnectingSubscriber {
     }
 
     /// For the caller's own `poll` or `epoll`: readable when the daemon has sent something, and four times a second for a look at the
-    /// daemon. When it is readable, call [`ReconnectingSubscriber::wait`] with a timeout of zero, then take everything. It stays the same
+    /// daemon, more often while none is there. When it is readable, call [`ReconnectingSubscriber::wait`] with a timeout of zero, then take everything. It stays the same
     /// over restarts of the daemon and is closed with this subscriber.
     ///
     /// # Errors
@@ -110,6 +114,7 @@ impl ReconnectingSubscriber {
     pub fn file_descriptor(&mut self) -> Result<BorrowedFd<'_>, ReconnectError> {
         if self.descriptor.is_none() {
             let descriptor = Descriptor::new()?;
+            descriptor.tick_every(self.look.interval)?;
             if let Some(link) = &self.link {
                 descriptor.watch(link)?;
             }
@@ -131,7 +136,17 @@ impl ReconnectingSubscriber {
     /// # Errors
     /// [`ReconnectError::Receive`] if iceoryx2 could not receive it.
     pub fn take_percept(&self) -> Result<Option<Percept>, ReconnectError> {
-        Ok(self.link.as_ref().map_or(Ok(None), Subscriber::take_percept)?)
+        let percept = self.link.as_ref().map_or(Ok(None), Subscriber::take_percept)?;
+        if let Some(percept) = &percept {
+            self.gaps.lock().unwrap_or_else(PoisonError::into_inner).note(percept);
+        }
+        Ok(percept)
+    }
+
+    /// How many percepts were published between those that were taken, and lost here: more came than are kept for a reader, or they came
+    /// from a daemon before it was connected to.
+    pub fn missed(&self) -> u64 {
+        self.gaps.lock().unwrap_or_else(PoisonError::into_inner).missed()
     }
 
     /// The oldest completion not yet taken, where it lies; see [`Subscriber::take_completion`]. One that is held keeps the channel of its
@@ -182,9 +197,15 @@ impl ReconnectingSubscriber {
         }
         if !link.daemon_runs() {
             self.link = None;
+            self.look_every(SEARCH)?;
             return self.connect();
         }
         Ok(())
+    }
+
+    fn look_every(&mut self, interval: Duration) -> Result<(), ReconnectError> {
+        self.look = Pace::new(interval);
+        self.descriptor.as_ref().map_or(Ok(()), |descriptor| descriptor.tick_every(interval))
     }
 
     fn connect(&mut self) -> Result<(), ReconnectError> {
@@ -197,7 +218,7 @@ impl ReconnectingSubscriber {
                     descriptor.watch(&link)?;
                 }
                 (self.link, self.connected) = (Some(link), Instant::now());
-                Ok(())
+                self.look_every(LOOK)
             }
             Err(error) if error.is_retryable() => Ok(()),
             Err(error) => Err(error.into()),
@@ -217,11 +238,16 @@ impl Descriptor {
         let epoll = epoll::create(epoll::CreateFlags::CLOEXEC).map_err(std::io::Error::from)?;
         let timer =
             timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::NONBLOCK | TimerfdFlags::CLOEXEC).map_err(std::io::Error::from)?;
-        let every = rustix::time::Timespec { tv_sec: 0, tv_nsec: LOOK.subsec_nanos().into() };
-        timerfd_settime(&timer, TimerfdTimerFlags::empty(), &Itimerspec { it_interval: every, it_value: every })
-            .map_err(std::io::Error::from)?;
         epoll::add(&epoll, &timer, epoll::EventData::new_u64(0), epoll::EventFlags::IN).map_err(std::io::Error::from)?;
         Ok(Self { epoll, timer })
+    }
+
+    /// How often the timer fires, less than a second apart.
+    fn tick_every(&self, interval: Duration) -> Result<(), ReconnectError> {
+        let every = rustix::time::Timespec { tv_sec: 0, tv_nsec: interval.subsec_nanos().into() };
+        timerfd_settime(&self.timer, TimerfdTimerFlags::empty(), &Itimerspec { it_interval: every, it_value: every })
+            .map_err(std::io::Error::from)?;
+        Ok(())
     }
 
     /// The socket of an earlier link leaves by itself when it is closed.

@@ -134,7 +134,7 @@ impl Align {
         for member in all {
             match member {
                 Ok(member) => classes[member.file.class].push(member),
-                Err(skipped) => eprintln!("skipped {skipped}"),
+                Err(skipped) => warn!("skipped {skipped}"),
             }
         }
         match library.classes.iter().zip(&classes).find(|(_, members)| members.len() < 2) {

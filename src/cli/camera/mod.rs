@@ -17,13 +17,13 @@ mod poses;
 mod replay;
 mod sink;
 
+use crate::cli::connecting::Connecting;
 use crate::cli::failure::Failure;
-use crate::cli::observe::{first_status, seconds};
+use crate::cli::observe::seconds;
 use crate::cli::stop;
 use crate::frames::{FrameFolder, question_known_side};
 use beo_core::grid::Dims;
 use beo_ipc::{Producer, Subscriber, SubscriberOptions};
-use std::time::Instant;
 
 pub use arguments::Camera;
 use daemon::Daemon;
@@ -40,7 +40,7 @@ impl Camera {
     pub fn run(self) -> Result<(), Failure> {
         self.check()?;
         if let Some(question) = self.known_side.and_then(question_known_side) {
-            eprintln!("warning: {question}");
+            warn!("warning: {question}");
         }
         let frames = FrameFolder::open(&self.folder, self.folder_options()?)?;
         let poses = match &self.trajectory {
@@ -60,12 +60,12 @@ impl Camera {
             }
             None => {
                 let wait = seconds(self.wait)?;
-                let deadline = Instant::now() + wait;
-                let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions::default(), wait)?;
-                let status = first_status(&subscriber, deadline)?;
+                let connecting = Connecting::within(wait, &self.instance, &stop);
+                let subscriber = connecting.open(|| Subscriber::open(&self.instance, &SubscriberOptions::default()))?;
+                let status = connecting.status(&subscriber)?;
                 let [x, y, z] = status.dims.map(|side| side as usize);
                 let dims = Dims::new(x, y, z)?;
-                let producer = Producer::open_within(&self.instance, &self.template(status.dims), wait)?;
+                let producer = connecting.open(|| Producer::open(&self.instance, &self.template(status.dims)))?;
                 let mut replay = Replay::new(&self, &frames, poses, pictures, self.grid_options(dims)?);
                 let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none(), self.known_side);
                 replay.play(&stop, &mut daemon)?;

@@ -146,7 +146,7 @@ impl<'a> Replay<'a> {
         };
         let question = question_depth(captured).or_else(|| grids.objects.iter().find_map(longest));
         if let Some(question) = question {
-            eprintln!("warning: {question}");
+            warn!("warning: {question}");
             self.questioned = true;
         }
     }

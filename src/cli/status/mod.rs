@@ -4,13 +4,15 @@ mod health;
 mod prometheus;
 mod report;
 
+use super::connecting::Connecting;
 use super::failure::Failure;
-use super::observe::{first_status, seconds};
+use super::observe::seconds;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::{InstanceName, Status, Subscriber, SubscriberOptions};
 use clap::Args;
 use health::Health;
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 /// Say how the daemon does
 ///
@@ -63,9 +65,11 @@ impl StatusCommand {
     }
 
     fn status(&self, wait: Duration) -> Result<Status, Failure> {
-        let deadline = Instant::now() + wait;
-        let subscriber = Subscriber::open_within(&self.instance, &SubscriberOptions::default(), wait)?;
-        first_status(&subscriber, deadline)
+        // Nothing is to be cleaned up: a signal ends it as it ends any program.
+        let never = AtomicBool::new(false);
+        let connecting = Connecting::within(wait, &self.instance, &never);
+        let subscriber = connecting.open(|| Subscriber::open(&self.instance, &SubscriberOptions::default()))?;
+        connecting.status(&subscriber)
     }
 }
 

@@ -15,7 +15,7 @@ mod crowd;
 mod kills;
 mod leftovers;
 mod overload;
-mod roles;
+pub mod roles;
 mod rounds;
 mod soak;
 mod witness;

@@ -41,6 +41,7 @@ fn soak() {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     let name = instance();
     follow_stops();
+    crate::harness::watchdog::takes_long();
     let mut crowd = Crowd::gather(&name, EVERY_MS);
     let mut listener = std::env::var_os("BEO_SOAK_LISTENER").map(|path| {
         let mut command = Command::new(path);

@@ -76,6 +76,18 @@ impl Basis {
         }
     }
 
+    /// To be called before and after a query: whether what was read came from the file that was mapped. Of one that was rewritten or cut, what
+    /// was read before it was noticed must not be used.
+    ///
+    /// # Errors
+    /// [`Damaged::Changed`] if the file is not what it was.
+    pub fn check_unchanged(&self) -> Result<(), Damaged> {
+        match &self.storage {
+            Storage::Mapped { file, .. } if !file.is_unchanged() => Err(Damaged::Changed),
+            Storage::Mapped { .. } | Storage::Owned(_) => Ok(()),
+        }
+    }
+
     /// Bounds the pages of the file that stay in this process's memory, in bytes; of small files nothing is bounded.
     pub fn bound(&self, bytes: usize) {
         if let Storage::Mapped { file, first_touch, .. } = &self.storage {

@@ -130,6 +130,7 @@ impl Perceiver {
         if observation.dims() != dims {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
         }
+        self.model().basis.check_unchanged()?;
         let Workspace { grid, levels, fine, .. } = work;
         grid.start(observation, query);
         let has_cameras = self.levels.first().map_or(self.grid.has_cameras(), |level| level.grid.has_cameras());
@@ -146,6 +147,7 @@ impl Perceiver {
         }
         grid.clock.posed();
         percept.timings = grid.clock.timings;
+        self.model().basis.check_unchanged()?;
         Ok(Classified { perceiver: self, query, work, percept })
     }
 }
@@ -190,6 +192,7 @@ impl Classified<'_> {
             projected: &projection.projected,
             scratch: completion,
         };
-        completion.write(self.percept, occupancy, deviation)
+        completion.write(self.percept, occupancy, deviation)?;
+        Ok(self.perceiver.model().basis.check_unchanged()?)
     }
 }
