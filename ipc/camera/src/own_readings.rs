@@ -58,6 +58,16 @@ const LEAST_DEVIATIONS: f64 = 3.0;
 /// Where the mask is too wide, readings at the foot of a high object are the plane's up to this height, metres, or this share of its own.
 const FOOT_M: f64 = 0.012;
 const FOOT_SHARE: f64 = 0.3;
+/// How far the plane around an object may be from the one below it, metres.
+const BENT_M: f32 = 5e-4;
+/// Something is flat if it is no higher than a foot, or than so many deviations of the support's readings.
+const FLAT_DEVIATIONS: f32 = 4.0;
+/// Standard errors by which the mean height of something flat is above the support; neighbouring readings err alike: so many count as one.
+const FLAT_ERRORS: f32 = 2.0;
+const ALIKE: f32 = 10.0;
+/// Its readings are those whose mean over so many pixels to all sides is above this share of a deviation.
+const FLAT_PIXELS: usize = 2;
+const FLAT_SHARE: f32 = 0.6;
 /// Neighbours of eight that a reading must be joined to.
 const LEAST_NEIGHBOURS: usize = 3;
 /// Pieces nearer than this hang together, metres, or than so many pixels.
@@ -65,7 +75,7 @@ const GAP_M: f32 = 0.02;
 const GAP_PIXELS: f32 = 6.0;
 /// Or than this share of the largest one's extent, at most metres: a bowl's near wall hides what joins it to the far one.
 const GAP_SHARE: f32 = 0.5;
-const GAP_MOST_M: f32 = 0.06;
+const GAP_MOST_M: f32 = 0.1;
 /// Share of the main piece below which a piece is a speck.
 const SPECK: f64 = 0.01;
 
@@ -91,7 +101,47 @@ pub fn own_readings(scene: &Scene<'_>, mask: &[u32], support: Option<&LocalSuppo
             break;
         }
     }
+    if let Some(support) = support
+        && found.pixels.len() < mask.len() / 2
+        && let Some(flat) = flat_thing(scene, mask, &heights, support)
+        && flat.pixels.len() >= least.max(found.pixels.len())
+    {
+        return flat;
+    }
     found
+}
+
+/// The readings of something flat: no single one stands out from the support, but all together do. `None` if they do not, or if something
+/// high is in the mask.
+fn flat_thing(scene: &Scene<'_>, mask: &[u32], heights: &[f32], support: &LocalSupport) -> Option<OwnReadings> {
+    let (width, height) = (scene.rays.width(), scene.rays.height());
+    let deviation = support.deviation_m as f32;
+    let top = percentile(heights, 0.9);
+    let mean = heights.iter().sum::<f32>() / heights.len().max(1) as f32;
+    let error = deviation * (ALIKE / heights.len().max(1) as f32).sqrt();
+    if top > (FOOT_M as f32).max(FLAT_DEVIATIONS * deviation) || mean < BENT_M + FLAT_ERRORS * error {
+        return None;
+    }
+    let label = mask.first().map(|pixel| scene.labels[*pixel as usize])?;
+    let mean_around = |pixel: u32| {
+        let (u, v) = (pixel as usize % width, pixel as usize / width);
+        let (mut sum, mut count) = (0.0_f32, 0_u32);
+        for v in v.saturating_sub(FLAT_PIXELS)..(v + FLAT_PIXELS + 1).min(height) {
+            for other in v * width + u.saturating_sub(FLAT_PIXELS)..v * width + (u + FLAT_PIXELS + 1).min(width) {
+                if scene.labels[other] == label && scene.depth[other] > 0.0 {
+                    // Readings of a mask are ascending, and have their heights beside them.
+                    if let Ok(index) = mask.binary_search(&(other as u32)) {
+                        (sum, count) = (sum + heights[index], count + 1);
+                    }
+                }
+            }
+        }
+        sum / count.max(1) as f32
+    };
+    let least = (2.0 * BENT_M).max(FLAT_SHARE * deviation);
+    let pixels: Vec<u32> = mask.iter().copied().filter(|pixel| mean_around(*pixel) > least).collect();
+    let share_support = 1.0 - pixels.len() as f64 / mask.len() as f64;
+    Some(OwnReadings { pixels, share_support, ..OwnReadings::default() })
 }
 
 fn attempt(
