@@ -7,7 +7,8 @@
 
 use crate::joining::{FOUR, neighbours};
 use crate::own_readings::{LocalSupport, Scene};
-use nalgebra::{Vector2, Vector3};
+use crate::plan_view::{PlanView, convex_hull, inside_by};
+use nalgebra::Vector2;
 
 /// A region lies this far above the plane, metres, or so many deviations of the support's readings, if it is a raised floor.
 const RAISED_M: f32 = 0.0025;
@@ -29,24 +30,6 @@ const INSIDE_PIXELS: f32 = 2.0;
 const INSIDE_DEVIATIONS: f64 = 2.0;
 /// Readings of a region at least.
 const LEAST_READINGS: usize = 12;
-
-/// Coordinates on a plane.
-struct PlanView {
-    x: Vector3<f32>,
-    y: Vector3<f32>,
-}
-
-impl PlanView {
-    fn of(normal: &Vector3<f32>) -> Self {
-        let axis = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-        let x = (axis - normal * normal.dot(&axis)).normalize();
-        Self { x, y: normal.cross(&x) }
-    }
-
-    fn see(&self, point: &Vector3<f32>) -> Vector2<f32> {
-        Vector2::new(self.x.dot(point), self.y.dot(point))
-    }
-}
 
 /// Of the low readings of a mask, with their heights, those that the object with the `high` ones encloses. `state` is `wanted` at all the
 /// low ones, and `done` at what was looked at afterwards.
@@ -133,50 +116,9 @@ fn surrounded(tops: &[Vector2<f32>], from: impl Iterator<Item = Vector2<f32>>) -
     sum as f32 / (count.max(1) * SECTORS as u32) as f32
 }
 
-/// The corners of the convex hull of some points, counter-clockwise (Andrew's monotone chain, 1979).
-fn convex_hull(mut points: Vec<Vector2<f32>>) -> Vec<Vector2<f32>> {
-    points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let turns_left = |a: &Vector2<f32>, b: &Vector2<f32>, c: &Vector2<f32>| (b - a).perp(&(c - a)) > 0.0;
-    let mut hull: Vec<Vector2<f32>> = Vec::new();
-    let mut half = |points: &mut dyn Iterator<Item = &Vector2<f32>>| {
-        let first = hull.len();
-        for point in points {
-            while hull.len() >= first + 2 && !turns_left(&hull[hull.len() - 2], &hull[hull.len() - 1], point) {
-                hull.pop();
-            }
-            hull.push(*point);
-        }
-        // The last corner is the other half's first.
-        hull.pop();
-    };
-    half(&mut points.iter());
-    half(&mut points.iter().rev());
-    hull
-}
-
-/// How far a point lies inside of a convex polygon; negative outside, and where there is no polygon.
-fn inside_by(hull: &[Vector2<f32>], point: &Vector2<f32>) -> f32 {
-    if hull.len() < 3 {
-        return -1.0;
-    }
-    let sides = hull.iter().zip(hull.iter().cycle().skip(1));
-    let off = sides.map(|(a, b)| (b - a).perp(&(point - a)) / (b - a).norm().max(1e-9));
-    off.fold(f32::INFINITY, f32::min)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_hull_of_a_square_with_points_inside_is_the_square() {
-        let points = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [1.0, 0.0], [0.5, 1.5]];
-        let hull = convex_hull(points.iter().map(|[x, y]| Vector2::new(*x, *y)).collect());
-        assert_eq!(hull, [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vector2::new(x, y)));
-        assert_eq!(inside_by(&hull, &Vector2::new(1.0, 0.25)), 0.25);
-        assert_eq!(inside_by(&hull, &Vector2::new(3.0, 1.0)), -1.0);
-        assert!(inside_by(&hull[..2], &Vector2::new(1.0, 0.0)) < 0.0);
-    }
 
     #[test]
     fn a_ring_surrounds_its_middle_and_half_a_ring_half_of_it() {

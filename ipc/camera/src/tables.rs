@@ -5,8 +5,10 @@
 
 use crate::SensorModel;
 use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
+use crate::own_readings::percentile;
 use crate::rays::Rays;
 use crate::supports::Supports;
+use crate::table_surface::TableSurface;
 use nalgebra::Vector3;
 
 /// Where objects come from.
@@ -39,6 +41,15 @@ const GROWTH: usize = 4;
 const PART: f64 = 0.3;
 /// Pieces that are compared, at most: the largest.
 const MOST_PIECES: usize = 150;
+/// Points of a piece that are looked at.
+const OUTLINE_SAMPLES: usize = 300;
+/// An object may hide the edge of its table: so far it may lie beyond, metres.
+const OVER_EDGE_M: f32 = 0.02;
+/// What begins higher above the table stands on something else, metres.
+const FLOATING_M: f32 = 0.12;
+/// Something small is noise if it is not higher than so many times the least height; small is this area as seen, square metres.
+const SPECK_HEIGHT: f32 = 1.5;
+const SPECK_M2: f32 = 0.001;
 /// Readings of an object at least.
 const LEAST_PIXELS: usize = 60;
 
@@ -46,16 +57,19 @@ const LEAST_PIXELS: usize = 60;
 pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supports) -> Vec<u16> {
     let mut labels = vec![0; depth.len()];
     let Some(main) = supports.planes.first() else { return labels };
-    let (n, offset) = (main.plane.normal().into_inner().cast::<f32>(), main.plane.offset() as f32);
-    let scatter = main.scatter as f32;
+    let table = TableSurface::new(rays, depth, &main.plane);
+    // The table's own scatter tells how good the sensor is here; it grows with the distance as the sensor model says.
+    let relative = main.scatter as f32;
     let mut state = vec![0_u8; depth.len()];
     let mut wanted = Vec::new();
+    let mut heights = vec![0.0_f32; depth.len()];
     for (pixel, z) in depth.iter().enumerate() {
         if *z <= 0.0 {
             continue;
         }
-        let h = n.dot(&rays.point(pixel, *z)) + offset;
-        let deviation = scatter * sensor.deviation(f64::from(*z)) as f32;
+        let h = table.height(&rays.point(pixel, *z));
+        heights[pixel] = h;
+        let deviation = relative * sensor.deviation(f64::from(*z)) as f32;
         if h > LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * deviation) && h < MOST_HEIGHT_M {
             state[pixel] = 1;
             wanted.push(pixel as u32);
@@ -66,7 +80,7 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
     let mut next = 1_u16;
     for piece in found {
-        if piece.pixels.len() < LEAST_PIXELS {
+        if piece.pixels.len() < LEAST_PIXELS || !stands_on(rays, depth, &table, &heights, &piece) {
             continue;
         }
         piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
@@ -77,6 +91,18 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
     fill(&mut labels, size, |_| true, 1.0);
     labels
+}
+
+/// Whether a piece lies over the table, reaches down near to it, and is more than noise.
+fn stands_on(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], piece: &Piece) -> bool {
+    let step = piece.pixels.len().div_ceil(OUTLINE_SAMPLES).max(1);
+    let some: Vec<u32> = piece.pixels.iter().step_by(step).copied().collect();
+    let over = some.iter().filter(|pixel| table.inside_by(&rays.point(**pixel as usize, depth[**pixel as usize])) > -OVER_EDGE_M).count();
+    let own: Vec<f32> = some.iter().map(|pixel| heights[*pixel as usize]).collect();
+    let pitch = rays.pitch(depth[piece.pixels[0] as usize]);
+    let area = pitch * pitch * piece.pixels.len() as f32;
+    let is_speck = percentile(&own, 0.9) < SPECK_HEIGHT * LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * table.deviation_m) && area < SPECK_M2;
+    2 * over >= some.len() && percentile(&own, 0.02) < FLOATING_M && !is_speck
 }
 
 const WANTED: u8 = 1;
