@@ -5,7 +5,8 @@
 
 use crate::SensorModel;
 use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
-use crate::own_readings::percentile;
+use crate::interior::enclosed;
+use crate::own_readings::{LocalSupport, Scene, percentile};
 use crate::rays::Rays;
 use crate::supports::Supports;
 use crate::table_surface::TableSurface;
@@ -41,12 +42,14 @@ const GROWTH: usize = 4;
 const PART: f64 = 0.3;
 /// Pieces that are compared, at most: the largest.
 const MOST_PIECES: usize = 150;
+/// The floor of a vessel is lower above the table, metres.
+const FLOOR_M: f32 = 0.012;
 /// Points of a piece that are looked at.
 const OUTLINE_SAMPLES: usize = 300;
 /// An object may hide the edge of its table: so far it may lie beyond, metres.
-const OVER_EDGE_M: f32 = 0.02;
+const OVER_EDGE_M: f32 = 0.05;
 /// What begins higher above the table stands on something else, metres.
-const FLOATING_M: f32 = 0.12;
+const FLOATING_M: f32 = 0.25;
 /// Something small is noise if it is not higher than so many times the least height; small is this area as seen, square metres.
 const SPECK_HEIGHT: f32 = 1.5;
 const SPECK_M2: f32 = 0.001;
@@ -63,10 +66,7 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     let mut state = vec![0_u8; depth.len()];
     let mut wanted = Vec::new();
     let mut heights = vec![0.0_f32; depth.len()];
-    for (pixel, z) in depth.iter().enumerate() {
-        if *z <= 0.0 {
-            continue;
-        }
+    for (pixel, z) in depth.iter().enumerate().filter(|(_, z)| **z > 0.0) {
         let h = table.height(&rays.point(pixel, *z));
         heights[pixel] = h;
         let deviation = relative * sensor.deviation(f64::from(*z)) as f32;
@@ -78,19 +78,47 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     let joint = Joint::new(rays, sensor);
     let found = pieces_by_core(rays, depth, &joint, &wanted, &mut state);
     let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
-    let mut next = 1_u16;
+    let (mut next, mut standing) = (1_u16, Vec::new());
     for piece in found {
         if piece.pixels.len() < LEAST_PIXELS || !stands_on(rays, depth, &table, &heights, &piece) {
             continue;
         }
         piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
+        standing.push((next, piece.pixels));
         next = next.saturating_add(1);
     }
+    floors(rays, depth, sensor, &LocalSupport { plane: main.plane, deviation_m: f64::from(table.deviation_m) }, &heights, &standing, &mut labels);
     let size = [rays.width(), rays.height()];
     // Dark and glossy sides have no reading: they belong to the one object that they lie at.
     fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
     fill(&mut labels, size, |_| true, 1.0);
     labels
+}
+
+/// Gives objects the low readings that they enclose.
+fn floors(
+    rays: &Rays,
+    depth: &[f32],
+    sensor: &SensorModel,
+    support: &LocalSupport,
+    heights: &[f32],
+    standing: &[(u16, Vec<u32>)],
+    labels: &mut [u16],
+) {
+    let width = rays.width();
+    let mut state = vec![0; depth.len()];
+    for (label, pixels) in standing {
+        let [left, right, top, bottom] = pixels.iter().fold([usize::MAX, 0, usize::MAX, 0], |[l, r, t, b], pixel| {
+            let (u, v) = (*pixel as usize % width, *pixel as usize / width);
+            [l.min(u), r.max(u), t.min(v), b.max(v)]
+        });
+        let box_of = (top..=bottom).flat_map(|v| v * width + left..=v * width + right);
+        let is_low = |pixel: &usize| labels[*pixel] == 0 && depth[*pixel] > 0.0 && heights[*pixel].abs() < FLOOR_M;
+        let low: Vec<(u32, f32)> = box_of.filter(is_low).map(|pixel| (pixel as u32, heights[pixel])).collect();
+        let own = enclosed(&Scene { rays, depth, labels, sensor, joint: Joint::new(rays, sensor) }, support, pixels, &low, &mut state, [1, 2]);
+        own.iter().for_each(|pixel| labels[*pixel as usize] = *label);
+        low.iter().for_each(|(pixel, _)| state[*pixel as usize] = 0);
+    }
 }
 
 /// Whether a piece lies over the table, reaches down near to it, and is more than noise.
@@ -102,7 +130,7 @@ fn stands_on(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], 
     let pitch = rays.pitch(depth[piece.pixels[0] as usize]);
     let area = pitch * pitch * piece.pixels.len() as f32;
     let is_speck = percentile(&own, 0.9) < SPECK_HEIGHT * LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * table.deviation_m) && area < SPECK_M2;
-    2 * over >= some.len() && percentile(&own, 0.02) < FLOATING_M && !is_speck
+    3 * over >= some.len() && percentile(&own, 0.02) < FLOATING_M && !is_speck
 }
 
 const WANTED: u8 = 1;
