@@ -1,8 +1,8 @@
 //! Low readings that are an object's own because the object encloses them: the floor of a bowl or a mug, the middle of a plate.
 //!
 //! They are near the support plane, as readings of the support in a mask that is too wide are, and are told from those in plan view, on the
-//! plane: the floor of a vessel lies inside the convex hull of what is high, and either above the plane by more than the plane may be off,
-//! or with walls all around. The table that is seen through a handle lies on the plane and has the object on some sides only, or is small;
+//! plane: the floor of a vessel lies inside the convex hull of what is high, and either above the plane by more than the plane may be off
+//! with walls on most sides, or with walls all around. The table that is seen through a handle lies on the plane and has the object on some sides only, or is small;
 //! the table beside a foot lies outside of the hull.
 
 use crate::joining::{FOUR, neighbours};
@@ -15,6 +15,8 @@ const RAISED_M: f32 = 0.0025;
 const RAISED_DEVIATIONS: f32 = 0.75;
 /// Share of the directions on the plane in which an object with walls all around lies, as seen from its floor.
 const ALL_AROUND: f32 = 0.85;
+/// Of a raised floor it may be less: a part of the walls may be cut off.
+const MOSTLY_AROUND: f32 = 0.7;
 /// Share of the object's readings that a floor on the plane has at least: more than what is seen through a handle.
 const LARGE: f64 = 0.1;
 /// How far below the plane a floor may seem to lie, in deviations of the support's readings: the plane is inferred from around it.
@@ -61,12 +63,12 @@ pub fn enclosed(
         }
         let mean = region.iter().map(|(_, h)| h).sum::<f32>() / region.len() as f32;
         let is_raised = mean > RAISED_M.max(RAISED_DEVIATIONS * deviation);
-        let is_floor = || {
-            let is_large = region.len() as f64 >= LARGE * (region.len() + high.len()) as f64;
-            let some = region.iter().step_by(region.len().div_ceil(MOST_LOOKING)).map(|(pixel, _)| at(*pixel));
-            is_large && mean > -SUNK_DEVIATIONS * deviation && surrounded(&tops, some) >= ALL_AROUND
-        };
-        if is_raised || is_floor() {
+        let is_large = region.len() as f64 >= LARGE * (region.len() + high.len()) as f64;
+        if !is_raised && (!is_large || mean < -SUNK_DEVIATIONS * deviation) {
+            continue;
+        }
+        let some = region.iter().step_by(region.len().div_ceil(MOST_LOOKING)).map(|(pixel, _)| at(*pixel));
+        if surrounded(&tops, some) >= if is_raised { MOSTLY_AROUND } else { ALL_AROUND } {
             own.extend(region.iter().map(|(pixel, _)| *pixel));
         }
     }

@@ -54,6 +54,12 @@ pub fn inside_by(hull: &[Vector2<f32>], point: &Vector2<f32>) -> f32 {
     off.fold(f32::INFINITY, f32::min)
 }
 
+/// The area of a convex polygon.
+pub fn area(hull: &[Vector2<f32>]) -> f32 {
+    let sides = hull.iter().zip(hull.iter().cycle().skip(1));
+    0.5 * sides.map(|(a, b)| a.perp(b)).sum::<f32>()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,6 +69,7 @@ mod tests {
         let points = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [1.0, 0.0], [0.5, 1.5]];
         let hull = convex_hull(points.iter().map(|[x, y]| Vector2::new(*x, *y)).collect());
         assert_eq!(hull, [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vector2::new(x, y)));
+        assert_eq!(area(&hull), 4.0);
         assert_eq!(inside_by(&hull, &Vector2::new(1.0, 0.25)), 0.25);
         assert_eq!(inside_by(&hull, &Vector2::new(3.0, 1.0)), -1.0);
         assert!(inside_by(&hull[..2], &Vector2::new(1.0, 0.0)) < 0.0);

@@ -103,6 +103,12 @@ impl TableSurface {
         above - bend.clamp(-MOST_BENT_M as f32, MOST_BENT_M as f32)
     }
 
+    /// Where a point is on the table, seen along its normal.
+    #[inline]
+    pub fn see(&self, point: &Vector3<f32>) -> Vector2<f32> {
+        self.view.see(point)
+    }
+
     /// How far a point lies inside of the outline, metres, seen along the normal; negative outside.
     pub fn inside_by(&self, point: &Vector3<f32>) -> f32 {
         inside_by(&self.outline, &self.view.see(point))

@@ -7,10 +7,11 @@ use crate::SensorModel;
 use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
 use crate::interior::enclosed;
 use crate::own_readings::{LocalSupport, Scene, percentile};
+use crate::plan_view::{area, convex_hull};
 use crate::rays::Rays;
 use crate::supports::Supports;
 use crate::table_surface::TableSurface;
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 /// Where objects come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,6 +43,12 @@ const GROWTH: usize = 4;
 const PART: f64 = 0.3;
 /// Pieces that are compared, at most: the largest.
 const MOST_PIECES: usize = 150;
+/// Pieces that border on a region without readings do so along at least this share of its edge.
+const BRIDGE_LEAST: f64 = 0.05;
+/// Pieces meet within so many pixels.
+const MEETING: usize = 3;
+/// One outline is within another if both together are at most so many times as large as the larger one.
+const WITHIN: f32 = 1.3;
 /// The floor of a vessel is lower above the table, metres.
 const FLOOR_M: f32 = 0.012;
 /// Points of a piece that are looked at.
@@ -84,15 +91,118 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
             continue;
         }
         piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
-        standing.push((next, piece.pixels));
+        standing.push(piece);
         next = next.saturating_add(1);
     }
+    let standing = bridged(rays, depth, &table, &heights, standing, &mut labels);
     floors(rays, depth, sensor, &LocalSupport { plane: main.plane, deviation_m: f64::from(table.deviation_m) }, &heights, &standing, &mut labels);
     let size = [rays.width(), rays.height()];
     // Dark and glossy sides have no reading: they belong to the one object that they lie at.
     fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
     fill(&mut labels, size, |_| true, 1.0);
     labels
+}
+
+/// Pieces of one object that a dark or glossy part without readings separates, or the near rim of a vessel, as one: both border on that
+/// part or on each other, and one stands within the other's outline on the table.
+fn bridged(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], standing: Vec<Piece>, labels: &mut [u16]) -> Vec<Piece> {
+    let outlines: Vec<Outline> = standing.iter().map(|piece| Outline::of(rays, depth, table, heights, piece)).collect();
+    // The object that each one, by its label, is a part of.
+    let mut whole: Vec<u16> = (0..=standing.len() as u16).collect();
+    let mut join = |a: u16, b: u16, through_dark: bool| {
+        let pair = [whole[usize::from(a)], whole[usize::from(b)]];
+        if pair[0] != pair[1] && outlines[usize::from(a) - 1].holds(&outlines[usize::from(b) - 1], through_dark) {
+            let (from, to) = (pair[0].max(pair[1]), pair[0].min(pair[1]));
+            whole.iter_mut().filter(|other| **other == from).for_each(|other| *other = to);
+        }
+    };
+    for [a, b] in touching(labels, rays.width()) {
+        join(a, b, false);
+    }
+    for beside in around_dark_parts(labels, depth, [rays.width(), rays.height()]) {
+        for (i, a) in beside.iter().enumerate().skip(1) {
+            beside[..i].iter().for_each(|b| join(*a, *b, true));
+        }
+    }
+    labels.iter_mut().for_each(|label| *label = whole[usize::from(*label)]);
+    let mut joined: Vec<Piece> = standing.iter().map(|_| Piece::default()).collect();
+    for (i, piece) in standing.into_iter().enumerate() {
+        joined[usize::from(whole[i + 1]) - 1].pixels.extend(piece.pixels);
+    }
+    joined
+}
+
+/// Where a piece stands on its table.
+struct Outline {
+    hull: Vec<Vector2<f32>>,
+    area: f32,
+    low: f32,
+    high: f32,
+}
+
+impl Outline {
+    fn of(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], piece: &Piece) -> Self {
+        let some = samples(rays, depth, &piece.pixels);
+        let hull = convex_hull(some.iter().map(|(point, _)| table.see(point)).collect());
+        let own: Vec<f32> = some.iter().map(|(_, pixel)| heights[*pixel as usize]).collect();
+        Self { area: area(&hull), hull, low: percentile(&own, 0.05), high: percentile(&own, 0.95) }
+    }
+
+    /// Whether one of two stands within the outline of the other; and, unless a dark part is between them, at the same height: what stands
+    /// on another is another.
+    fn holds(&self, other: &Self, through_dark: bool) -> bool {
+        let overlap = self.high.min(other.high) - self.low.max(other.low);
+        let is_beside = overlap > 0.5 * (self.high - self.low).min(other.high - other.low);
+        let both = area(&convex_hull(self.hull.iter().chain(&other.hull).copied().collect()));
+        (through_dark || is_beside) && both < WITHIN * self.area.max(other.area)
+    }
+}
+
+/// Pairs of labels that meet within a few pixels, along a row or a column.
+fn touching(labels: &[u16], width: usize) -> std::collections::BTreeSet<[u16; 2]> {
+    let mut found = std::collections::BTreeSet::new();
+    for (pixel, label) in labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+        for step in [MEETING, MEETING * width] {
+            let is_inside = step >= width || pixel % width + MEETING < width;
+            if let Some(other) = labels.get(pixel + step).filter(|other| is_inside && **other > 0 && *other != label) {
+                found.insert([*label.min(other), *label.max(other)]);
+            }
+        }
+    }
+    found
+}
+
+/// For each region without readings, the labels that border on it along much of its edge.
+fn around_dark_parts(labels: &[u16], depth: &[f32], [width, height]: [usize; 2]) -> Vec<Vec<u16>> {
+    let is_dark = |pixel: usize| labels[pixel] == 0 && depth[pixel] == 0.0;
+    let mut found = Vec::new();
+    let mut seen = vec![false; labels.len()];
+    for start in 0..labels.len() {
+        if seen[start] || !is_dark(start) {
+            continue;
+        }
+        seen[start] = true;
+        let mut region = vec![start];
+        let (mut next, mut edge) = (0, 0_usize);
+        let mut beside = std::collections::BTreeMap::<u16, usize>::new();
+        while let Some(pixel) = region.get(next).copied() {
+            next += 1;
+            for other in neighbours(FOUR, pixel, width, height) {
+                if !is_dark(other) {
+                    edge += 1;
+                    *beside.entry(labels[other]).or_default() += 1;
+                } else if !seen[other] {
+                    seen[other] = true;
+                    region.push(other);
+                }
+            }
+        }
+        beside.retain(|label, n| *label > 0 && *n as f64 >= BRIDGE_LEAST * edge as f64);
+        if beside.len() > 1 {
+            found.push(beside.into_keys().collect());
+        }
+    }
+    found
 }
 
 /// Gives objects the low readings that they enclose.
@@ -102,12 +212,12 @@ fn floors(
     sensor: &SensorModel,
     support: &LocalSupport,
     heights: &[f32],
-    standing: &[(u16, Vec<u32>)],
+    standing: &[Piece],
     labels: &mut [u16],
 ) {
     let width = rays.width();
     let mut state = vec![0; depth.len()];
-    for (label, pixels) in standing {
+    for (label, pixels) in standing.iter().enumerate().filter(|(_, piece)| !piece.pixels.is_empty()).map(|(i, piece)| (i as u16 + 1, &piece.pixels)) {
         let [left, right, top, bottom] = pixels.iter().fold([usize::MAX, 0, usize::MAX, 0], |[l, r, t, b], pixel| {
             let (u, v) = (*pixel as usize % width, *pixel as usize / width);
             [l.min(u), r.max(u), t.min(v), b.max(v)]
@@ -116,7 +226,7 @@ fn floors(
         let is_low = |pixel: &usize| labels[*pixel] == 0 && depth[*pixel] > 0.0 && heights[*pixel].abs() < FLOOR_M;
         let low: Vec<(u32, f32)> = box_of.filter(is_low).map(|pixel| (pixel as u32, heights[pixel])).collect();
         let own = enclosed(&Scene { rays, depth, labels, sensor, joint: Joint::new(rays, sensor) }, support, pixels, &low, &mut state, [1, 2]);
-        own.iter().for_each(|pixel| labels[*pixel as usize] = *label);
+        own.iter().for_each(|pixel| labels[*pixel as usize] = label);
         low.iter().for_each(|(pixel, _)| state[*pixel as usize] = 0);
     }
 }
