@@ -47,8 +47,10 @@ const MOST_PIECES: usize = 150;
 const BRIDGE_LEAST: f64 = 0.05;
 /// Pieces meet within so many pixels.
 const MEETING: usize = 3;
-/// One outline is within another if both together are at most so many times as large as the larger one.
+/// One outline is within another if both together are at most so many times as large as the larger one; of what a dark part separates, more
+/// is unseen.
 const WITHIN: f32 = 1.3;
+const WITHIN_DARK: f32 = 1.8;
 /// The floor of a vessel is lower above the table, metres.
 const FLOOR_M: f32 = 0.012;
 /// Points of a piece that are looked at.
@@ -154,7 +156,8 @@ impl Outline {
         let overlap = self.high.min(other.high) - self.low.max(other.low);
         let is_beside = overlap > 0.5 * (self.high - self.low).min(other.high - other.low);
         let both = area(&convex_hull(self.hull.iter().chain(&other.hull).copied().collect()));
-        (through_dark || is_beside) && both < WITHIN * self.area.max(other.area)
+        let most = if through_dark { WITHIN_DARK } else { WITHIN };
+        (through_dark || is_beside) && both < most * self.area.max(other.area)
     }
 }
 
