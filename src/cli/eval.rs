@@ -4,9 +4,10 @@ use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
 use super::failure::{Failure, cannot_write};
 use super::leave_one_out::LeaveOneOut;
 use super::progress;
-use super::shapes::{self, CAMERA_DISTANCE, MeshArguments};
+use super::shapes::{self, CAMERA_DISTANCE, ShapeArguments};
 use beo_core::learning::Shape;
 use beo_core::perception::{Method, PaperPose, Perceiver, PoseSearch, Query};
+use beo_core::whole_file::write_whole;
 use beo_lab::evaluation::figures::{self, Example};
 use beo_lab::evaluation::{Evaluation, OneView, Protocol, Viewpoint, evaluate, evaluate_icp, sample, table};
 use beo_shapes::Units;
@@ -88,7 +89,7 @@ pub struct Eval {
     #[arg(long, value_name = "DIR")]
     png: Option<PathBuf>,
     #[command(flatten)]
-    mesh: MeshArguments,
+    shaping: ShapeArguments,
 }
 
 /// Arguments that say nothing when shapes are left out: pose and class are known, and there is one method.
@@ -190,7 +191,7 @@ impl Eval {
             seed: self.seed,
             json: self.json.as_ref(),
             png: self.png.as_ref(),
-            mesh: &self.mesh,
+            shaping: &self.shaping,
         }
         .run()
     }
@@ -220,7 +221,7 @@ impl Eval {
         if let Some(split) = self.split.as_ref().filter(|split| model.metadata.settings.splits.contains(split)) {
             eprintln!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");
         }
-        let read = self.mesh.read_options(model.dims())?;
+        let read = self.shaping.read_options(model.dims())?;
         let shapes =
             shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0, units: Units::None })?;
         let names: Vec<&str> = model.class_names().collect();
@@ -284,7 +285,7 @@ impl Eval {
                 }
             }
             let text = serde_json::to_string_pretty(&outcome)?;
-            std::fs::write(path, text + "\n").map_err(cannot_write(path))?;
+            write_whole(path, (text + "\n").as_bytes()).map_err(cannot_write(path))?;
         }
         if let Some(folder) = &self.png {
             figures::save(folder, &evaluations, &icp, &examples)?;

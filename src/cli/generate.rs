@@ -3,6 +3,7 @@
 use super::failure::{Failure, cannot_write};
 use super::progress;
 use beo_core::grid::Dims;
+use beo_core::whole_file::write_whole;
 use beo_shapes::{Mesh, UNITS_FILE, Units, furniture, household, longest_side, write_binvox_scaled};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
@@ -97,14 +98,14 @@ impl Generate {
         let bar = progress::bar(files.len(), "making shapes");
         files.par_iter().try_for_each(|(class, seed, path)| {
             let bytes = self.encoded(class, *seed, dims)?;
-            std::fs::write(path, bytes).map_err(cannot_write(path))?;
+            write_whole(path, &bytes).map_err(cannot_write(path))?;
             bar.inc(1);
             Ok::<(), Failure>(())
         })?;
         bar.finish_and_clear();
         let units = if self.kind == Kind::Household { Units::Metres } else { Units::None };
         let path = self.out.join(UNITS_FILE);
-        std::fs::write(&path, format!("{}\n", units.name())).map_err(cannot_write(&path))?;
+        write_whole(&path, format!("{}\n", units.name()).as_bytes()).map_err(cannot_write(&path))?;
         say!("wrote {} shapes of {} classes to {}", files.len(), classes.len(), self.out.display());
         Ok(())
     }

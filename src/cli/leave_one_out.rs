@@ -2,11 +2,12 @@
 
 use super::failure::{Failure, cannot_write};
 use super::progress;
-use super::shapes::{self, MeshArguments};
+use super::shapes::{self, ShapeArguments};
 use super::train::Need;
 use beo_core::grid::Dims;
 use beo_core::learning::{FEWEST_SHAPES, Step, TrainOptions};
 use beo_core::model::check_place;
+use beo_core::whole_file::write_whole;
 use beo_lab::evaluation::leave_one_out::{figures, table};
 use beo_lab::evaluation::{OneView, Outcome, leave_one_out, sample_places};
 use beo_picture::SaveError;
@@ -39,7 +40,7 @@ pub struct LeaveOneOut<'a> {
     /// Where pictures go.
     pub png: Option<&'a PathBuf>,
     /// How meshes become voxels.
-    pub mesh: &'a MeshArguments,
+    pub shaping: &'a ShapeArguments,
 }
 
 impl LeaveOneOut<'_> {
@@ -70,7 +71,7 @@ impl LeaveOneOut<'_> {
         say!("{}", table(&outcomes, self.view).trim_end());
         if let Some(path) = self.json {
             let outcome = serde_json::json!({ "view": self.view, "seed": self.seed, "resolutions": outcomes });
-            std::fs::write(path, serde_json::to_string_pretty(&outcome)? + "\n").map_err(cannot_write(path))?;
+            write_whole(path, (serde_json::to_string_pretty(&outcome)? + "\n").as_bytes()).map_err(cannot_write(path))?;
         }
         if let Some(folder) = self.png {
             figures::save_errors(folder, &outcomes, self.view)?;
@@ -84,18 +85,18 @@ impl LeaveOneOut<'_> {
         let mut resolutions = self.resolutions.to_vec();
         resolutions.sort_unstable();
         resolutions.dedup();
-        if resolutions.len() > 1 && self.mesh.longest.is_some() {
+        if resolutions.len() > 1 && self.shaping.mesh.longest.is_some() {
             return Err(usage("--longest is the same number of voxels at every resolution: give one --resolution with it".into()));
         }
         let grids = resolutions.iter().map(|n| Dims::cube(*n).map_err(|error| usage(format!("--resolution {n}: {error}"))));
         let grids = grids.collect::<Result<Vec<_>, _>>()?;
-        grids.iter().try_for_each(|dims| self.mesh.read_options(*dims).map(drop))?;
+        grids.iter().try_for_each(|dims| self.shaping.read_options(*dims).map(drop))?;
         Ok(grids)
     }
 
     /// The outcome at one resolution. Shapes are read once, whatever their number.
     fn at(&self, dims: Dims, splits: &[String]) -> Result<Outcome, Failure> {
-        let read = self.mesh.read_options(dims)?;
+        let read = self.shaping.read_options(dims)?;
         // Without its twin, which would give the shape away.
         let shapes =
             shapes::load(self.dir, splits, &LoadOptions { read, skip_duplicates: true, minimum: FEWEST_SHAPES + 1, units: Units::None })?;

@@ -66,7 +66,7 @@ impl Observe {
         let status = first_status(&subscriber, deadline)?;
         let [x, y, z] = status.dims.map(|side| side as usize);
         let dims = Dims::new(x, y, z)?;
-        let read = self.mesh.read_options(dims)?;
+        let read = self.mesh.read_options_of(self.view, dims)?;
         let sources = self.files.iter().map(|file| self.view.source(file, &read, &self.camera)).collect::<Result<Vec<Source>, _>>()?;
         if let Some((file, found)) = self.files.iter().zip(&sources).find(|(_, source)| source.dims() != dims) {
             let found = found.dims();

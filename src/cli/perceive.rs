@@ -74,7 +74,7 @@ impl Perceive {
             let problem = "--pose rest: the model has learned no resting poses; train one with --views camera --resting rest";
             return Err(Failure::Usage(problem.into()));
         }
-        let read = self.mesh.read_options(model.dims())?;
+        let read = self.mesh.read_options_of(self.view, model.dims())?;
         let names: Vec<&str> = model.class_names().collect();
         let mut query = Query {
             method: self.method,

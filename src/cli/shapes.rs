@@ -26,7 +26,14 @@ pub struct MeshArguments {
     /// Resample voxel files of other sizes, by volume, their longest side as that of meshes
     #[arg(long)]
     pub resample: bool,
-    /// In folders, take point clouds too, as the voxels that hold a point; files named one by one are taken in any case
+}
+
+/// How the shapes of folders become voxels.
+#[derive(Args, Clone, Debug)]
+pub struct ShapeArguments {
+    #[command(flatten)]
+    pub mesh: MeshArguments,
+    /// Take point clouds too, as the voxels that hold a point
     #[arg(long)]
     pub point_clouds: bool,
 }
@@ -62,9 +69,29 @@ impl MeshArguments {
             Some(CloseArgument::Holes) => Close::Holes,
             Some(CloseArgument::Hull) => Close::Hull,
         };
-        let up = self.up.map(UpArgument::up);
-        let (resample, point_clouds) = (self.resample, self.point_clouds);
-        Ok(ReadOptions { dims, placing: Placing::LongestSide(longest), up, close, resample, point_clouds })
+        let (up, resample) = (self.up.map(UpArgument::up), self.resample);
+        Ok(ReadOptions { dims, placing: Placing::LongestSide(longest), up, close, resample, point_clouds: true })
+    }
+
+    /// The same for files that are seen as `view` says: an observation is taken as it is, so that no flag may be given.
+    pub fn read_options_of(&self, view: ViewArgument, dims: Dims) -> Result<ReadOptions, Failure> {
+        let given = [
+            ("--longest", self.longest.is_some()),
+            ("--up", self.up.is_some()),
+            ("--close", self.close.is_some()),
+            ("--resample", self.resample),
+        ];
+        match given.iter().find(|(_, is_given)| *is_given && view == ViewArgument::None) {
+            Some((flag, _)) => Err(Failure::Usage(format!("{flag}: with --view none a grid is taken as it is; leave it out"))),
+            None => self.read_options(dims),
+        }
+    }
+}
+
+impl ShapeArguments {
+    /// The options for reading onto a grid.
+    pub fn read_options(&self, dims: Dims) -> Result<ReadOptions, Failure> {
+        Ok(ReadOptions { point_clouds: self.point_clouds, ..self.mesh.read_options(dims)? })
     }
 }
 
@@ -183,8 +210,7 @@ impl ViewArgument {
 
 /// Reads one file as a shape and says on standard error what should be known about it.
 fn read(path: &Path, options: &ReadOptions) -> Result<Occupancy, Failure> {
-    let options = ReadOptions { point_clouds: true, ..options.for_file(path)? };
-    let reading = read_shape_noted(path, &options)?;
+    let reading = read_shape_noted(path, &options.for_file(path)?)?;
     for note in &reading.notes {
         eprintln!("note: {}: {note}", path.display());
     }

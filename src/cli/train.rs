@@ -1,7 +1,7 @@
 //! `beo train`: learn a model from a folder of shapes.
 
 use super::failure::Failure;
-use super::shapes::{self, MeshArguments, ViewArgument};
+use super::shapes::{self, ShapeArguments, ViewArgument};
 use super::{failure::cannot_write, progress};
 use beo_core::grid::{Dims, View};
 use beo_core::learning::{FEWEST_SHAPES, Pass, Step, TrainOptions, train};
@@ -65,7 +65,7 @@ pub struct Train {
     #[arg(long, default_value = "", value_name = "TEXT")]
     licence: String,
     #[command(flatten)]
-    mesh: MeshArguments,
+    shaping: ShapeArguments,
 }
 
 /// The unit of length of the files.
@@ -266,7 +266,7 @@ impl Train {
             true => elevations(&self.elevations)?,
             false => Vec::new(),
         };
-        let read = self.mesh.read_options(dims)?;
+        let read = self.shaping.read_options(dims)?;
         if self.out.is_dir() {
             return usage(format!("--out {}: this is a folder; name a file, such as model.safetensors", self.out.display()));
         }

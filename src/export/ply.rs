@@ -2,6 +2,7 @@
 //! kilometre from the frame's origin a tenth of a millimetre is left.
 
 use super::{Point, Surface, Vertex};
+use beo_core::whole_file::write_whole;
 use ply_rs_bw::ply::{Addable, ElementDef, Encoding, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType};
 use ply_rs_bw::writer::Writer;
 use std::path::{Path, PathBuf};
@@ -113,12 +114,12 @@ fn one_line(comment: &str) -> String {
     comment.chars().map(|c| if c.is_ascii() && !c.is_ascii_control() { c } else { '?' }).collect()
 }
 
-/// Writes a file's bytes.
+/// Writes a file's bytes; it appears under its name only when it is whole.
 ///
 /// # Errors
 /// [`PlyError`] names the file.
 pub fn save(path: &Path, bytes: &[u8]) -> Result<(), PlyError> {
-    std::fs::write(path, bytes).map_err(|source| PlyError { path: path.into(), source })
+    write_whole(path, bytes).map_err(|source| PlyError { path: path.into(), source })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! tests say that they are left out.
 
 use crate::client::{Client, block};
-use crate::harness::{RESOLUTION, instance, library, model, run, serve, shape, text};
+use crate::harness::{RESOLUTION, instance, library, model, run, serve, serve_with, shape, text};
 use beo_core::model::Metadata;
 use beo_shapes::furniture;
 use rand::{RngExt, SeedableRng};
@@ -94,11 +94,22 @@ fn every_flipped_bit_of_a_models_header_and_any_of_its_body_is_found() {
 /// Writes the small model with other metadata and the checksums that belong to them. Where the size of the grid changes, its body is
 /// holes.
 fn remade(path: &Path, change: impl FnOnce(&mut Metadata)) {
+    remade_with(path, change, |_, _| {});
+}
+
+/// The same, with other bytes of its tensors.
+fn remade_with(path: &Path, change: impl FnOnce(&mut Metadata), mut spoil: impl FnMut(&str, &mut [u8])) {
     let small = std::fs::read(model()).unwrap();
     let (_, info) = SafeTensors::read_metadata(&small).unwrap();
     let description: serde_json::Value = serde_json::from_str(&info.metadata().as_ref().unwrap()["beo"]).unwrap();
     let mut metadata: Metadata = serde_json::from_value(description["metadata"].clone()).unwrap();
-    let checksums: BTreeMap<String, u32> = serde_json::from_value(description["checksums"].clone()).unwrap();
+    let mut checksums: BTreeMap<String, u32> = serde_json::from_value(description["checksums"].clone()).unwrap();
+    let mut body = small[8 + u64::from_le_bytes(small[..8].try_into().unwrap()) as usize..].to_vec();
+    for (name, tensor) in info.tensors() {
+        let bytes = &mut body[tensor.data_offsets.0..tensor.data_offsets.1];
+        spoil(&name, bytes);
+        checksums.insert(name, crc32fast::hash(bytes));
+    }
     change(&mut metadata);
     let mut table = BTreeMap::new();
     let mut header = serde_json::Map::new();
@@ -128,7 +139,7 @@ fn remade(path: &Path, change: impl FnOnce(&mut Metadata)) {
     file.write_all_at(&header, 8).unwrap();
     file.set_len((8 + header.len() + end) as u64).unwrap();
     if metadata_dims == crate::harness::dims() {
-        file.write_all_at(&small[small.len() - end..], (8 + header.len()) as u64).unwrap();
+        file.write_all_at(&body, (8 + header.len()) as u64).unwrap();
     }
 }
 
@@ -180,6 +191,82 @@ fn a_calibration_that_weighs_what_is_not_computed_is_refused() {
         remade(&path, change);
         refused(&run(["serve", "--model", path.to_str().unwrap()]), &["remade.safetensors", "does not compute"]);
     }
+}
+
+/// Each of these was "healthy": a daemon that served it answered every observation with no numbers.
+#[test]
+fn a_model_that_holds_no_numbers_is_refused_with_the_tensors_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("remade.safetensors");
+    // NaN and infinity, little-endian, of half, single and double precision.
+    let half: [&[u8]; 2] = [&[0x00, 0x7e], &[0x00, 0xfc]];
+    let [single, double] = [f32::NAN.to_le_bytes().to_vec(), f64::INFINITY.to_le_bytes().to_vec()];
+    let cases: [(&str, &[u8]); 8] = [
+        ("basis", half[0]),
+        ("basis", half[1]),
+        ("class_mean", &single),
+        ("class_covariance", &single),
+        ("class_directions", &single),
+        ("class_variances", &double),
+        ("hull_top_mean", &single),
+        ("hull_top_covariance", &single),
+    ];
+    for (tensor, value) in cases {
+        let mut found = false;
+        remade_with(
+            &path,
+            |_| {},
+            |name, bytes| {
+                if name == tensor {
+                    bytes[3 * value.len()..4 * value.len()].copy_from_slice(value);
+                    found = true;
+                }
+            },
+        );
+        assert!(found, "{tensor}");
+        let parts = ["remade.safetensors", &format!("tensor `{tensor}`"), "not a number"];
+        refused(&run(["serve", "--model", path.to_str().unwrap(), "--instance", &instance()]), &parts);
+        refused(&run(["inspect", path.to_str().unwrap()]), &parts);
+    }
+}
+
+/// The sum of the sizes overflowed before they were looked at.
+#[test]
+fn a_class_with_impossibly_many_components_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("remade.safetensors");
+    remade(&path, |metadata| metadata.classes.iter_mut().for_each(|class| class.basis_size = usize::MAX / 2));
+    refused(&run(["inspect", path.to_str().unwrap()]), &["remade.safetensors", "components"]);
+}
+
+/// `cp` of another file over one that is loaded or served: what was read before is still there.
+#[test]
+fn a_model_that_is_rewritten_in_place_ends_no_daemon() {
+    let folder = tempfile::tempdir().unwrap();
+    let (served, ..) = copy(folder.path());
+    let name = instance();
+    let _daemon = serve_with(&name, &served, |command| command);
+    let client = Client::new(&name);
+    let before = client.ask(|_, voxels| block(voxels));
+    let whole = std::fs::read(&served).unwrap();
+    let overwrite = |bytes: &[u8]| std::fs::write(&served, bytes).unwrap();
+    let reload = || run(["reload", "--instance", &name]);
+    for length in [0, 5, whole.len() / 2, whole.len() - 1] {
+        overwrite(&whole[..length]);
+        assert_eq!(client.ask(|_, voxels| block(voxels)).posterior, before.posterior, "cut to {length}");
+        refused(&reload(), &["copy.safetensors", "goes on"]);
+    }
+    // While it is read: every reload ends one way or the other.
+    std::thread::scope(|scope| {
+        let reloads = scope.spawn(|| (0..5).for_each(|_| assert!(reload().status.code().is_some_and(|code| code < 2))));
+        while !reloads.is_finished() {
+            overwrite(&whole);
+        }
+        reloads.join().unwrap();
+    });
+    overwrite(&whole);
+    assert!(reload().status.success());
+    assert_eq!(client.ask(|_, voxels| block(voxels)).posterior, before.posterior);
 }
 
 /// Found by fuzzing: a name of a number format with a control character came back in the message.
@@ -274,6 +361,59 @@ fn a_training_that_could_not_be_kept_does_not_begin() {
     let last = message.trim_end().lines().last().unwrap_or_default();
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(last.contains("locked/model.safetensors") && last.contains("does not fit") && last.contains("are free"), "{message}");
+}
+
+/// It once deleted `a.partial` beside `a.safetensors`, and a model of that very name.
+#[test]
+fn a_training_replaces_its_result_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let shapes = folder.path().join("shapes");
+    library(&shapes);
+    let [out, other] = ["a.safetensors", "a.partial"].map(|name| folder.path().join(name));
+    std::fs::write(&other, "a file of someone's").unwrap();
+    let train = |out: &Path| {
+        run(["train", shapes.to_str().unwrap(), "--resolution", "16", "--most", "2", "--least", "2", "--out", out.to_str().unwrap()])
+    };
+    let first = train(&out);
+    assert!(first.status.success(), "{}", text(&first.stderr));
+    assert_eq!(std::fs::read_to_string(&other).unwrap(), "a file of someone's");
+    // Two at once, to one name: either's is whole.
+    std::thread::scope(|scope| {
+        let both = [(); 2].map(|()| scope.spawn(|| train(&other)));
+        both.map(|training| assert!(training.join().unwrap().status.success()));
+    });
+    assert_eq!(std::fs::read(&out).unwrap(), std::fs::read(&other).unwrap());
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 3, "{left:?}");
+    // A device is no place for a model, least of all to be replaced by one.
+    let output = run(["train", shapes.to_str().unwrap(), "--resolution", "16", "--out", "/dev/null"]);
+    assert!(output.status.code() == Some(1) && text(&output.stderr).contains("not a regular file"), "{}", text(&output.stderr));
+    assert!(!std::fs::metadata("/dev/null").unwrap().is_file());
+}
+
+/// No cut file under a final name, whichever command runs out of room.
+#[test]
+fn a_full_disk_leaves_no_cut_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let disk = folder.path().join("disk");
+    std::fs::create_dir(&disk).unwrap();
+    let program = Path::new(env!("CARGO_BIN_EXE_beo"));
+    let file = shape(folder.path(), "chair", 1);
+    // 64 kB: a picture has more.
+    let scripts = [
+        "exec \"$2\" generate furniture --count 300 --resolution 16 --out \"$1/shapes\"",
+        "exec \"$2\" perceive \"$3\" --model \"$4\" --png \"$1/p\" --ply \"$1/p\"",
+    ];
+    for script in scripts {
+        let all = format!(
+            "{{ {}; }} 2>&1; echo \"exit code $?\"; cd \"$1\"; find . -type f -size 0; find . -name '.*.partial'",
+            script.replace("exec ", "")
+        );
+        let Some(output) = on_small_disk(&disk, "64k", &all, &[program, &file, model()]) else { return };
+        let said = text(&output.stdout);
+        let (_, left) = said.split_once("exit code 1\n").unwrap_or_else(|| panic!("{said}"));
+        assert!(said.contains("No space left") && left.is_empty(), "{said}");
+    }
 }
 
 #[test]

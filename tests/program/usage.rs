@@ -48,8 +48,20 @@ fn wrong_usage_is_exit_code_2() {
     fails(&["demo", "--views", "0"], 2, &["--views 0"]);
     fails(&["demo", "--elevation", "90"], 2, &["5 to 85"]);
     fails(&["demo", "--objects", "sofa"], 2, &["sofa", "mug"]);
+    fails(&["observe", "f.ply", "--point-clouds"], 2, &["--point-clouds"]);
     fails(&["serve"], 2, &["--model"]);
     fails(&["serve", "--model", "m", "--instance", "a/b"], 2, &["a/b", "use letters"]);
+}
+
+#[test]
+fn flags_that_cannot_act_are_wrong_usage() {
+    let model = model().to_str().unwrap();
+    let clouds = ["perceive", "f.ply", "--model", model, "--point-clouds"];
+    fails(&clouds, 2, &["--point-clouds"]);
+    for (flag, value) in [("--up", Some("y")), ("--longest", Some("9")), ("--close", Some("hull")), ("--resample", None)] {
+        let arguments = ["perceive", "f.npy", "--model", model, "--view", "none", flag].into_iter().chain(value);
+        fails(&arguments.collect::<Vec<_>>(), 2, &[flag, "--view none"]);
+    }
 }
 
 #[test]

@@ -61,8 +61,8 @@
 //!
 //! Imports run one way: [`grid`] ← [`model`] ← [`perception`] ← [`learning`], whose calibration scores held-out objects as queries are
 //! scored. [`simulation`] renders what a camera sees of a complete voxel object, [`furniture`] makes up shapes for examples and tests,
-//! [`linear`] wraps the factorisations, and [`memory`] says how much memory may be taken. The crate starts no process and reads no file
-//! but the model's.
+//! [`linear`] wraps the factorisations, [`memory`] says how much memory may be taken, and [`whole_file`] writes files that appear when they are
+//! whole. The crate starts no process and reads no file but the model's.
 
 pub mod furniture;
 pub mod grid;
@@ -73,3 +73,4 @@ pub mod model;
 pub mod perception;
 pub mod simulation;
 pub mod text;
+pub mod whole_file;

@@ -1,5 +1,6 @@
 //! An RGB picture: pixels, text, pasting, PNG.
 
+use beo_core::whole_file::write_whole;
 use embedded_graphics::draw_target::DrawTarget;
 use embedded_graphics::geometry::{OriginDimensions, Point, Size};
 use embedded_graphics::mono_font::{MonoFont, MonoTextStyle, iso_8859_1};
@@ -266,17 +267,18 @@ impl Image {
         turned
     }
 
-    /// Writes the picture as PNG.
+    /// Writes the picture as PNG; the file appears under its name only when it is whole.
     pub fn save(&self, path: &Path) -> Result<(), SaveError> {
-        let file = std::fs::File::create(path).map_err(|source| SaveError::File { path: path.into(), source })?;
-        let mut encoder = png::Encoder::new(std::io::BufWriter::new(file), self.width as u32, self.height as u32);
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         let written = encoder.write_header().and_then(|mut writer| {
             writer.write_image_data(self.pixels.as_flattened())?;
             writer.finish()
         });
-        written.map_err(|source| SaveError::Encode { path: path.into(), source })
+        written.map_err(|source| SaveError::Encode { path: path.into(), source })?;
+        write_whole(path, &bytes).map_err(|source| SaveError::File { path: path.into(), source })
     }
 }
 

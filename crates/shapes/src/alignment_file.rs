@@ -1,11 +1,12 @@
 //! `alignment.json`, which `beo align` leaves beside the shapes it has aligned: that they lie in the unit cube as they are meant to, how they came
 //! there, and how well they agree.
 
-use super::ReadError;
+use super::bytes::read_bytes;
+use super::error::{AlignmentFileError, ReadError};
 use beo_core::text::printable;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Its name in the folder of the shapes.
 pub const ALIGNMENT_FILE: &str = "alignment.json";
@@ -52,16 +53,6 @@ pub struct AlignedFile {
     pub translation: [f64; 3],
 }
 
-/// An `alignment.json` that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {problem}; it says that the shapes beside it were placed by `beo align`: align them anew, or remove it to have each shape scaled by its own longest side", path.display())]
-pub struct AlignmentFileError {
-    /// The file.
-    pub path: PathBuf,
-    /// What is wrong.
-    pub problem: String,
-}
-
 impl Alignment {
     /// Of these classes, measured with so many cells along the cube.
     pub fn new(resolution: usize, classes: BTreeMap<String, AlignedClass>) -> Self {
@@ -88,7 +79,7 @@ impl Alignment {
     pub fn of_folder(folder: &Path) -> Result<Option<Self>, AlignmentFileError> {
         let path = folder.join(ALIGNMENT_FILE);
         let error = |problem| AlignmentFileError { path: path.clone(), problem };
-        match super::read_bytes(&path) {
+        match read_bytes(&path) {
             Err(ReadError::Open { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
             // A file in the place of a folder has no alignment either.
             Err(ReadError::Open { source, .. }) if source.kind() == std::io::ErrorKind::NotADirectory => Ok(None),

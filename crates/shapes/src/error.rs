@@ -45,6 +45,16 @@ pub enum FormatError {
     Observation(#[from] ObservationError),
 }
 
+/// An `alignment.json` that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}; it says that the shapes beside it were placed by `beo align`: align them anew, or remove it to have each shape scaled by its own longest side", path.display())]
+pub struct AlignmentFileError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong.
+    pub problem: String,
+}
+
 /// A file could not be read as a shape. One line, with the file's name.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
@@ -106,6 +116,12 @@ pub enum ReadError {
         /// Its points.
         points: usize,
     },
+    /// A point cloud whose holes are to be closed.
+    #[error("{} is a point cloud: without a surface it has no holes to close; --close hull fills what its points surround", path.display())]
+    NoSurface {
+        /// The file.
+        path: PathBuf,
+    },
     /// An observation without a filled voxel, though some are empty and some unknown.
     #[error(
         "{} holds the values 0 and 255 alone: of an observation these are empty and unknown, and nothing is filled; of a picture's 0 and 255 \
@@ -118,7 +134,7 @@ pub enum ReadError {
     },
     /// The folder of the file has an `alignment.json` that cannot be used.
     #[error("{0}")]
-    Alignment(#[from] super::AlignmentFileError),
+    Alignment(#[from] AlignmentFileError),
 }
 
 impl ReadError {
@@ -135,6 +151,7 @@ impl ReadError {
                     | Self::Extension { path, .. }
                     | Self::OtherDims { path, .. }
                     | Self::PointCloud { path, .. }
+                    | Self::NoSurface { path }
                     | Self::NothingFilled { path } => path.display().to_string(),
                     _ => return text,
                 };

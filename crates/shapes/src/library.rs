@@ -129,12 +129,17 @@ pub enum LibraryError {
     },
 }
 
+/// Names of folders in one message.
+const MOST_NAMED: usize = 6;
+
 fn wanted_splits(wanted: &[String]) -> String {
     if wanted.is_empty() { String::new() } else { format!(" with a split of {}", wanted.join(", ")) }
 }
 
 fn found_splits(found: &[String]) -> String {
-    if found.is_empty() { String::new() } else { format!(" (there are: {})", found.join(", ")) }
+    let more = found.len().saturating_sub(MOST_NAMED);
+    let others = if more > 0 { format!(" and {more} more") } else { String::new() };
+    if found.is_empty() { String::new() } else { format!(" (there are: {}{others})", found[..found.len() - more].join(", ")) }
 }
 
 fn first_reason(reason: &Option<String>) -> String {
@@ -764,6 +769,10 @@ mod tests {
         assert!(message(&folder.path().join("none"), "train").contains("cannot list"));
         let text = message(&folder.path().join("chair"), "train");
         assert!(text.contains("DIR/<class>/<split>/<shape>") && text.contains("DIR/<shape>, for example pliers/0001.off"), "{text}");
+        let crowd = tempfile::tempdir().unwrap();
+        (10..60).for_each(|n| std::fs::create_dir_all(crowd.path().join(format!("a/s{n}"))).unwrap());
+        let text = message(crowd.path(), "train");
+        assert!(text.contains("(there are: s10, s11, s12, s13, s14, s15 and 44 more)"), "{text}");
         let other = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(other.path().join("a/train")).unwrap();
         std::fs::write(other.path().join("a/train/b.txt"), "").unwrap();

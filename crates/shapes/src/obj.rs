@@ -1,9 +1,9 @@
 //! Wavefront OBJ. Only vertices and faces are read: no materials, normals, texture coordinates or lines. All objects and groups make one
 //! mesh; a file of vertices without faces is a point cloud.
 
+use super::content::Content;
 use super::lines::{Lines, found, found_index, number, whole, words};
 use super::polygon::{Place, Surface};
-use super::read::Content;
 use super::{FormatError, Mesh, MeshError};
 use nalgebra::Point3;
 

@@ -3,9 +3,9 @@
 //! Comments start with `#`. Some of ModelNet's files lack the line break after `OFF` (`OFF490 518 0`). Numbers after a polygon
 //! (colours) are ignored; a file of vertices without polygons is a point cloud. Written are vertices with nine decimals, and triangles.
 
+use super::content::Content;
 use super::lines::{Lines, found, found_index, number, whole, words};
 use super::polygon::{Place, Surface};
-use super::read::Content;
 use super::{FormatError, Mesh};
 use nalgebra::Point3;
 use std::io::Write;

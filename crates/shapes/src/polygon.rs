@@ -5,7 +5,7 @@
 //! have the polygon's area: where they have not, the outline crosses itself, and the polygon is named.
 
 use super::{FormatError, Mesh, PointCloud};
-use crate::read::Content;
+use crate::content::Content;
 use earcut::Earcut;
 use nalgebra::{Point3, Vector3};
 

@@ -1,16 +1,15 @@
 //! Reading a file as a shape or an observation, whatever its format.
 
+use super::bytes::read_bytes;
 use super::closing::{self, Close};
-use super::resample::{resample, stand_up};
+use super::content::Content;
+use super::placing::Placing;
+use super::resample::resample;
 use super::voxelise::{Frame, fill_inside};
-use super::{FormatError, Mesh, PointCloud, ReadError, Up, binvox_scale};
+use super::{FormatError, Mesh, ReadError, Up, binvox_scale};
 use super::{gltf, is_placed, longest_side, npy, obj, off, parse_binvox, ply, stl};
 use beo_core::grid::{Dims, Observation, Occupancy};
-use std::io::Read;
 use std::path::Path;
-
-/// Largest file that is read.
-const LARGEST: u64 = 1 << 30;
 
 /// A file format of shapes, told by the extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -75,16 +74,6 @@ pub struct ReadOptions {
     pub point_clouds: bool,
 }
 
-/// Where a shape comes to lie on the grid.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Placing {
-    /// Its bounding box in the middle, so many voxels along the longest side; 24 on a grid of 30. Use this for meshes from anywhere.
-    LongestSide(usize),
-    /// As it lies in the unit cube about the origin, of which the grid is a picture. Use this for what has been aligned, whose sizes and places
-    /// are meant.
-    UnitCube,
-}
-
 impl ReadOptions {
     /// Shapes on a grid of `dims`, four fifths of it along the longest side, the upright axis that of the format; open meshes stay open, point
     /// clouds are read, voxel files of other sizes are not.
@@ -126,38 +115,6 @@ pub fn usual_up(path: &Path) -> Up {
     let is_synset = |name: &str| name.len() == 8 && name.bytes().all(|b| b.is_ascii_digit());
     let is_shapenet = name(0) == Some("model_normalized.obj") || name(0) == Some("model.obj") && name(2).is_some_and(is_synset);
     if Format::of(path) == Some(Format::Gltf) || is_shapenet { Up::Y } else { Up::Z }
-}
-
-/// What a file of a given format holds.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Content {
-    /// Voxels.
-    Voxels(Occupancy),
-    /// A mesh, its axes as in the file.
-    Mesh(Mesh),
-    /// Points without triangles, their axes as in the file.
-    Points(PointCloud),
-}
-
-impl Content {
-    /// The mesh, or an error that says what there is instead.
-    pub(super) fn into_mesh(self) -> Result<Mesh, FormatError> {
-        match self {
-            Self::Mesh(mesh) => Ok(mesh),
-            Self::Points(cloud) => Err(super::MeshError::PointCloud(cloud.points().len()).into()),
-            Self::Voxels(_) => Err(super::MeshError::NoTriangle.into()),
-        }
-    }
-
-    /// Turned so that the `up` axis is z.
-    pub fn turned_up(self, up: Up) -> Self {
-        match self {
-            Self::Voxels(object) if up == Up::Y => Self::Voxels(stand_up(&object)),
-            Self::Voxels(object) => Self::Voxels(object),
-            Self::Mesh(mesh) => Self::Mesh(mesh.turned_up(up)),
-            Self::Points(cloud) => Self::Points(cloud.turned_up(up)),
-        }
-    }
 }
 
 /// Reads bytes of a known format, without voxelising.
@@ -276,7 +233,7 @@ pub fn read_shape(path: &Path, options: &ReadOptions) -> Result<Occupancy, ReadE
 ///
 /// # Errors
 /// [`ReadError`]: a file that cannot be opened, of an unknown kind, or malformed; voxels of another size or a point cloud, unless the options
-/// take them.
+/// take them; a point cloud whose holes are to be closed.
 pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, ReadError> {
     let (content, mut notes, scale) = read_noted(path)?;
     let up = options.up.unwrap_or_else(|| usual_up(path));
@@ -296,11 +253,13 @@ pub fn read_shape_noted(path: &Path, options: &ReadOptions) -> Result<Reading, R
             notes.extend(note);
             object
         }
+        Content::Points(_) if options.close == Close::Holes => return Err(ReadError::NoSurface { path: path.into() }),
         Content::Points(cloud) if options.point_clouds => {
             notes.push(Note::PointCloud { points: cloud.points().len() });
             let mut object = frame(cloud.bounds(), options).points(&cloud);
             match options.close {
                 Close::Hull => closing::fill_hull(&mut object),
+                // Points that lie close enough enclose an inside without any closing.
                 Close::Holes | Close::Not => fill_inside(&mut object),
             }
             object
@@ -376,26 +335,6 @@ pub fn read_observation(path: &Path) -> Result<Observation, ReadError> {
         return Err(ReadError::NothingFilled { path: path.into() });
     }
     Ok(observation)
-}
-
-/// The content of a file that is not too large.
-///
-/// # Errors
-/// [`ReadError`]: it cannot be opened, is no file, or is too large.
-pub fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
-    let open = |source| ReadError::Open { path: path.into(), source };
-    // Asked before opening: opening a pipe waits for its writer.
-    let metadata = std::fs::metadata(path).map_err(open)?;
-    if !metadata.is_file() {
-        return Err(ReadError::NotAFile { path: path.into() });
-    }
-    let too_large = |bytes| ReadError::TooLarge { path: path.into(), bytes, limit: LARGEST };
-    if metadata.len() > LARGEST {
-        return Err(too_large(metadata.len()));
-    }
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    std::fs::File::open(path).and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes)).map_err(open)?;
-    if bytes.len() as u64 > LARGEST { Err(too_large(bytes.len() as u64)) } else { Ok(bytes) }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Voxel files of another size or another upright axis, brought to a grid.
 
-use super::read::Placing;
+use super::placing::Placing;
 use beo_core::grid::{Dims, Occupancy};
 
 /// The grid turned by 90° about x, so that y becomes z and z becomes −y, as a mesh is turned whose y axis points up.

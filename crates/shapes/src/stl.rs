@@ -4,9 +4,9 @@
 //! with `solid` too. In a binary file the count of triangles must be what its size says. Where it is smaller, and the rest is whole triangles,
 //! all are read, and [`stl_count_note`] says so.
 
+use super::content::Content;
 use super::lines::{Lines, found, number, without_mark, words};
 use super::polygon::{Place, Surface};
-use super::read::Content;
 use super::{FormatError, Mesh, MeshError};
 use beo_core::text::printable;
 use nalgebra::Point3;

@@ -349,6 +349,8 @@ fn point_clouds_become_the_voxels_that_hold_a_point() {
         assert_eq!(reading.object.count(), 24 * 12 * 18, "{name}: what it encloses is filled");
         let message = read_shape(&path, &ReadOptions { point_clouds: false, ..options }).unwrap_err().to_string();
         assert!(message.contains("is a point cloud of") && message.contains("--point-clouds"), "{message}");
+        let message = read_shape(&path, &ReadOptions { close: Close::Holes, ..options }).unwrap_err().to_string();
+        assert!(message.contains("no holes to close") && message.contains("--close hull"), "{message}");
     }
 }
 

@@ -6,6 +6,7 @@ use crate::cli::failure::{Failure, cannot_write};
 use crate::cli::progress;
 use crate::cli::shapes::UpArgument;
 use beo_core::grid::{Dims, Occupancy, Rotation, to_xyzw};
+use beo_core::whole_file::write_whole;
 use beo_shapes::alignment::{self, Congealed, Settings, Similarity, Solid, grid_point};
 use beo_shapes::library::{self, Library, ShapeFile};
 use beo_shapes::{ALIGNMENT_FILE, AlignedClass, AlignedFile, Alignment, Content, Format, MeshError, ReadError, Up};
@@ -95,7 +96,7 @@ impl Align {
         // Last, so that what was left half done is not taken for placed shapes.
         let path = self.out.join(ALIGNMENT_FILE);
         let text = serde_json::to_string_pretty(&Alignment::new(self.resolution, classes))?;
-        std::fs::write(&path, text + "\n").map_err(cannot_write(&path))?;
+        write_whole(&path, (text + "\n").as_bytes()).map_err(cannot_write(&path))?;
         say!("wrote {} with {ALIGNMENT_FILE}", self.out.display());
         Ok(())
     }
@@ -189,7 +190,7 @@ impl Align {
             if let Some(parent) = path.parent() {
                 std::fs::create_dir_all(parent).map_err(cannot_write(parent))?;
             }
-            std::fs::write(&path, bytes).map_err(cannot_write(&path))?;
+            write_whole(&path, &bytes).map_err(cannot_write(&path))?;
             // From the file's own coordinates.
             let up = if turned { Rotation::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2) } else { Rotation::identity() };
             Ok(AlignedFile {

@@ -2,7 +2,7 @@
 
 use crate::cli::failure::Failure;
 use crate::cli::progress;
-use crate::cli::shapes::{self, MeshArguments};
+use crate::cli::shapes::{self, ShapeArguments};
 use beo_core::grid::{Occupancy, View};
 use beo_core::perception::Perceiver;
 use beo_lab::benchmark::large::{Large as Measured, POSES, measure};
@@ -35,7 +35,7 @@ pub struct Large {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    mesh: MeshArguments,
+    shaping: ShapeArguments,
 }
 
 /// What `--json` prints.
@@ -55,7 +55,7 @@ impl Large {
         let watch = Watch::start();
         let perceiver = Perceiver::open_within(&self.model, self.memory.map(|mb| mb.saturating_mul(1_000_000)))?;
         let dims = perceiver.model().dims();
-        let read = self.mesh.read_options(dims)?;
+        let read = self.shaping.read_options(dims)?;
         let objects: Vec<Occupancy> = match &self.shapes[..] {
             [folder] if folder.is_dir() => {
                 shapes::require_flat(folder)?;

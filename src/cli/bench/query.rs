@@ -1,7 +1,7 @@
 //! `beo bench query`.
 
 use crate::cli::failure::Failure;
-use crate::cli::shapes::{self, MeshArguments};
+use crate::cli::shapes::{self, ShapeArguments};
 use crate::cli::{progress, stop};
 use beo_core::model::{Model, load};
 use beo_core::perception::Perceiver;
@@ -48,7 +48,7 @@ pub struct Query {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    mesh: MeshArguments,
+    shaping: ShapeArguments,
 }
 
 /// Queries of one kind, and what every repeat measured of them.
@@ -136,7 +136,7 @@ impl Query {
     fn objects(&self, model: &Model) -> Result<(Vec<Object>, String), Failure> {
         let (count, dims) = (self.queries as usize, model.dims());
         let names: Vec<&str> = model.class_names().collect();
-        let read = self.mesh.read_options(dims)?;
+        let read = self.shaping.read_options(dims)?;
         let class_of = |name: &str| names.iter().position(|known| *known == name);
         let model_text = format!("{}, {dims}, {} classes", self.model.display(), names.len());
         let (objects, what) = match (&self.shapes[..], &self.split) {

@@ -5,6 +5,7 @@ use crate::cli::failure::{Failure, cannot_write};
 use beo_camera::carve;
 use beo_camera::{Carver, FrameGrids, Quality};
 use beo_core::grid::{Dims, Observation};
+use beo_core::whole_file::write_whole;
 use beo_ipc::CarvedGrid;
 use beo_shapes::{write_npy_labels, write_npy_observation};
 use serde_json::json;
@@ -41,7 +42,7 @@ impl Sink for Files {
         let path = self.folder.join(format!("{}_label.npy", of.frame));
         let mut bytes = Vec::new();
         write_npy_labels(&mut bytes, grids.size(), segments)?;
-        std::fs::write(&path, bytes).map_err(cannot_write(&path))
+        write_whole(&path, &bytes).map_err(cannot_write(&path))
     }
 
     fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, quality: &Quality, finish: &mut Finish<'_>) -> Result<(), Failure> {
@@ -73,7 +74,7 @@ impl Sink for Files {
         let stem = format!("{}-{}", of.frame, carver.object);
         for (end, content) in [("npy", bytes), ("json", format!("{beside:#}\n").into_bytes())] {
             let path = self.folder.join(format!("{stem}.{end}"));
-            std::fs::write(&path, content).map_err(cannot_write(&path))?;
+            write_whole(&path, &content).map_err(cannot_write(&path))?;
         }
         self.written += 1;
         Ok(())

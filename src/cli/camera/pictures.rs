@@ -30,12 +30,6 @@ impl Pictures {
     /// Writes the picture of a frame: it appears under its name only when it is complete.
     pub(super) fn draw(&self, captured: &CapturedFrame, grids: &FrameGrids) -> Result<(), Failure> {
         let path = self.folder.join(format!("{}.png", captured.name()));
-        let partial = self.folder.join(format!(".{}.{}.partial", captured.name(), std::process::id()));
-        let saved = draw_grids(&captured.frame(), grids).save(&partial).map_err(Failure::from);
-        let written = saved.and_then(|()| std::fs::rename(&partial, &path).map_err(cannot_write(&path)));
-        if written.is_err() {
-            let _ = std::fs::remove_file(&partial);
-        }
-        written
+        Ok(draw_grids(&captured.frame(), grids).save(&path)?)
     }
 }

@@ -1,13 +1,15 @@
 //! `beo status`: how the daemon does, for people, scripts and Prometheus.
 
+mod health;
 mod prometheus;
 mod report;
 
 use super::failure::Failure;
 use super::observe::{first_status, seconds};
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::{DaemonState, InstanceName, Status, Subscriber, SubscriberOptions};
+use beo_ipc::{InstanceName, Status, Subscriber, SubscriberOptions};
 use clap::Args;
+use health::Health;
 use std::time::{Duration, Instant};
 
 /// Say how the daemon does
@@ -28,41 +30,6 @@ pub struct StatusCommand {
     /// Seconds to wait for a daemon
     #[arg(long, default_value_t = 0.0, value_name = "SECONDS")]
     wait: f64,
-}
-
-/// A heartbeat is late after so many times its interval, and not before [`PATIENCE`]: one long query delays it.
-const LATE: u64 = 8;
-const PATIENCE: Duration = Duration::from_secs(5);
-
-/// How a daemon does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Health {
-    Healthy,
-    Late,
-    Failing,
-    Stopping,
-}
-
-impl Health {
-    fn of(status: &Status, now_ns: u64) -> Self {
-        let allowed = status.heartbeat_interval_ns.saturating_mul(LATE).max(PATIENCE.as_nanos() as u64);
-        match DaemonState::from_code(status.state) {
-            _ if now_ns.saturating_sub(status.heartbeat_ns) > allowed => Health::Late,
-            Some(DaemonState::Failing) | None => Health::Failing,
-            Some(DaemonState::Stopping) => Health::Stopping,
-            Some(DaemonState::Serving | DaemonState::Reloading) => Health::Healthy,
-        }
-    }
-
-    /// What to do, for people; `None` if all is well.
-    fn complaint(self) -> Option<&'static str> {
-        match self {
-            Health::Healthy => None,
-            Health::Late => Some("its heartbeat is late: is it stopped, or its machine overloaded?"),
-            Health::Failing => Some("it failed on the last observation: see its log; another model can be tried with `beo reload --model`"),
-            Health::Stopping => Some("it is stopping"),
-        }
-    }
 }
 
 impl StatusCommand {
@@ -105,6 +72,7 @@ impl StatusCommand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use beo_ipc::DaemonState;
 
     /// A daemon that has been up for 100 s and serves.
     pub(super) fn serving() -> Status {

@@ -1,6 +1,6 @@
 //! The daemon's status in Prometheus' text exposition format 0.0.4.
 
-use super::Health;
+use super::health::Health;
 use super::report::seconds;
 use beo_ipc::text::from_field;
 use beo_ipc::{InstanceName, Status};

@@ -1,6 +1,6 @@
 //! The daemon's status for people and as JSON.
 
-use super::Health;
+use super::health::Health;
 use beo_ipc::text::from_field;
 use beo_ipc::{DaemonState, InstanceName, Status};
 use serde_json::{Value, json};

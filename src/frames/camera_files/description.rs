@@ -1,6 +1,6 @@
 //! One camera as a file describes it, and the choice of it for images: which of several, rectified or raw, binned or cut out.
 
-use super::wrong;
+use super::error::wrong;
 use beo_camera::{Intrinsics, Lens};
 use beo_shapes::FormatError;
 

@@ -2,7 +2,7 @@
 //!
 //! The document is walked event by event; aliases, which can make a small file huge, are refused.
 
-use super::{wrong, wrong_line};
+use super::error::{wrong, wrong_line};
 use beo_shapes::FormatError;
 use saphyr_parser::{Event, Parser};
 

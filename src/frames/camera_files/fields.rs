@@ -2,8 +2,10 @@
 //! programs write them, and Open3D's `PinholeCameraIntrinsic` with its `intrinsic_matrix` in columns.
 
 use super::description::Description;
+use super::distortion;
 use super::document::Node;
-use super::{camera_matrix, distortion, wrong};
+use super::error::wrong;
+use super::matrix::camera_matrix;
 use beo_shapes::FormatError;
 
 /// librealsense's numbers of its models, `rs2_distortion`.

@@ -1,8 +1,9 @@
 //! Kalibr's `camchain.yaml`: `cam0`, `cam1`, … with `intrinsics: [fx, fy, cx, cy]`, `distortion_model` radtan, equidistant or none.
 
 use super::description::Description;
+use super::distortion;
 use super::document::Node;
-use super::{distortion, wrong};
+use super::error::wrong;
 use beo_shapes::FormatError;
 
 /// Whether a mapping is a camera of Kalibr's.

@@ -1,7 +1,7 @@
 //! `cam_K.txt`: the camera matrix as nine numbers, as FoundationPose has it; also of 3 × 4 and 4 × 4 (ScanNet).
 
 use super::description::Description;
-use super::{camera_matrix, wrong};
+use super::error::wrong;
 use beo_shapes::FormatError;
 
 /// The numbers of a text of nothing else; `None` of any other text.
@@ -21,4 +21,15 @@ pub(super) fn parse(numbers: &[f64]) -> Result<Vec<Description>, FormatError> {
         _ => return Err(wrong(format!("{} numbers: expected the nine of a camera matrix, fx 0 cx, 0 fy cy, 0 0 1", numbers.len()))),
     };
     Ok(vec![Description { matrix: camera_matrix("the matrix", &matrix)?, ..Description::default() }])
+}
+
+/// fx, fy, cx, cy of [fx 0 cx, 0 fy cy, 0 0 1] in rows; all zeros, of a camera that is not calibrated, are kept.
+pub(super) fn camera_matrix(what: &str, numbers: &[f64]) -> Result<[f64; 4], FormatError> {
+    let &[fx, skew, cx, a, fy, cy, b, c, one] = numbers else {
+        return Err(wrong(format!("{what} has {} numbers: expected 9", numbers.len())));
+    };
+    if numbers.iter().any(|number| *number != 0.0) && [skew, a, b, c, one] != [0.0, 0.0, 0.0, 0.0, 1.0] {
+        return Err(wrong(format!("{what} is not [fx 0 cx, 0 fy cy, 0 0 1]")));
+    }
+    Ok([fx, fy, cx, cy])
 }

@@ -14,6 +14,7 @@
 mod description;
 mod distortion;
 mod document;
+mod error;
 mod fields;
 mod kalibr;
 mod matrix;
@@ -21,11 +22,11 @@ mod realsense;
 mod ros;
 
 use beo_camera::Intrinsics;
-use beo_core::text::printable;
 use beo_shapes::FormatError;
 pub use description::CameraChoice;
 use description::{Description, choose};
 use document::{LONGEST, Node};
+use error::wrong;
 
 /// What is read of a camera's file.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,16 +35,6 @@ pub struct CameraInfo {
     pub intrinsics: Intrinsics,
     /// Name of the camera's frame, where the file has one.
     pub frame_id: Option<String>,
-}
-
-const FORMAT: &str = "camera_info";
-
-fn wrong(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: FORMAT, problem: printable(&problem.into()) }
-}
-
-fn wrong_line(line: usize, problem: &str) -> FormatError {
-    FormatError::Line { format: FORMAT, line, problem: printable(problem) }
 }
 
 /// Reads the camera of a file: a `camera_info` of ROS, Kalibr's `camchain.yaml`, intrinsics of librealsense or Open3D, or a matrix of nine
@@ -84,17 +75,6 @@ fn camera(name: Option<&str>, node: &Node) -> Option<Result<Description, FormatE
     }
     let is_ros = node.has(&["camera_matrix", "K"]) && node.has(&["image_width", "width"]);
     is_ros.then(|| Ok(Description { name: name.map(str::to_owned), ..ros::parse(node)? }))
-}
-
-/// fx, fy, cx, cy of [fx 0 cx, 0 fy cy, 0 0 1] in rows; all zeros, of a camera that is not calibrated, are kept.
-fn camera_matrix(what: &str, numbers: &[f64]) -> Result<[f64; 4], FormatError> {
-    let &[fx, skew, cx, a, fy, cy, b, c, one] = numbers else {
-        return Err(wrong(format!("{what} has {} numbers: expected 9", numbers.len())));
-    };
-    if numbers.iter().any(|number| *number != 0.0) && [skew, a, b, c, one] != [0.0, 0.0, 0.0, 0.0, 1.0] {
-        return Err(wrong(format!("{what} is not [fx 0 cx, 0 fy cy, 0 0 1]")));
-    }
-    Ok([fx, fy, cx, cy])
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! What librealsense prints: `rs-enumerate-devices -c`, a block for each stream and resolution, and the Python wrapper's one line.
 
 use super::description::Description;
-use super::{distortion, wrong};
+use super::distortion;
+use super::error::wrong;
 use beo_shapes::FormatError;
 
 /// Whether a text is one of these.

@@ -2,8 +2,10 @@
 //! print it (`K: [...]`, `k: ...`), with binning and region of interest as sensor_msgs/CameraInfo defines them.
 
 use super::description::Description;
+use super::distortion;
 use super::document::Node;
-use super::{camera_matrix, distortion, wrong};
+use super::error::wrong;
+use super::matrix::camera_matrix;
 use beo_shapes::FormatError;
 
 /// The camera of a document.

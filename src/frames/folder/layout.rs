@@ -1,6 +1,6 @@
 //! Which files of a folder are the frames: the layouts in the table of the module above. Nothing is read but names and a scene's cameras.
 
-use super::FolderError;
+use super::error::FolderError;
 use crate::frames::{SceneCamera, parse_scene_camera};
 use beo_shapes::{ReadError, read_bytes};
 use std::collections::BTreeMap;

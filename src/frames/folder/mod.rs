@@ -10,13 +10,15 @@
 //! The label of a mask is 1, of an instance of a BOP scene its number plus 1. The camera of all frames: `camera_info.yaml` (or `.json`),
 //! `cam_K.txt`, `camera_intrinsic.json`, `intrinsics.json`, `.yaml` or `.txt`, `camchain.yaml`.
 
+mod error;
 mod instances;
 mod layout;
+
+pub use error::FolderError;
 
 use super::images::{ColourLabels, DepthAlong, DepthUnit, Image, Raster, VoidLabels, limited, z_of_distances};
 use super::{CameraChoice, CameraInfo, CapturedFrame, SizeError, parse_camera_info};
 use super::{parse_jpeg_image, parse_npy_image, parse_png_image, parse_tiff_image};
-use beo_camera::IntrinsicsError;
 use beo_shapes::{FormatError, ReadError, read_bytes};
 use layout::{Camera, FrameFiles, Kind, Labels};
 use std::path::{Path, PathBuf};
@@ -81,66 +83,6 @@ pub struct FrameFolder {
     options: FolderOptions,
     /// Colours are the same objects in all frames.
     colours: Arc<Mutex<ColourLabels>>,
-}
-
-/// A folder or a frame of it cannot be read. One line, with the name of what is wrong.
-#[derive(Debug, thiserror::Error)]
-pub enum FolderError {
-    /// The folder cannot be listed.
-    #[error("cannot list {}: {source}", path.display())]
-    List {
-        /// The folder.
-        path: PathBuf,
-        /// What the operating system said.
-        source: std::io::Error,
-    },
-    /// There is no frame in it.
-    #[error(
-        "no frames in {}: expected NAME_depth.png with NAME_label.png or NAME_mask.png, or folders depth and label, mask or masks, or a BOP scene",
-        path.display()
-    )]
-    NoFrames {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A frame lacks something.
-    #[error("there is no {}", expected.display())]
-    Missing {
-        /// What was looked for.
-        expected: PathBuf,
-    },
-    /// There is no camera.
-    #[error(
-        "there is no camera in {}: expected camera_info.yaml, cam_K.txt, camera_intrinsic.json, intrinsics.json or camchain.yaml, or give --camera-info",
-        folder.display()
-    )]
-    Uncalibrated {
-        /// The folder.
-        folder: PathBuf,
-    },
-    /// A scene has no rectified images.
-    #[error("--rectified takes the projection matrix of a camera_info, and {} has none: leave it out, or give --camera-info", path.display())]
-    NotRectified {
-        /// The scene's file or folder.
-        path: PathBuf,
-    },
-    /// The scene does not describe the camera of an image.
-    #[error("there is no camera for image {image} in {}", path.display())]
-    NoCamera {
-        /// The scene's file.
-        path: PathBuf,
-        /// The image's number.
-        image: u32,
-    },
-    /// A file of the frame cannot be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// Images and camera do not fit together.
-    #[error(transparent)]
-    Size(#[from] SizeError),
-    /// The camera is none for these images.
-    #[error(transparent)]
-    Camera(#[from] IntrinsicsError),
 }
 
 impl FrameFolder {

@@ -3,6 +3,7 @@
 
 use super::DepthImage;
 use beo_camera::{Intrinsics, Lens};
+use beo_core::whole_file::write_whole;
 use nalgebra::Isometry3;
 use png::{BitDepth, ColorType, Compression, Encoder};
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ pub struct FrameWriter {
 }
 
 fn write(path: PathBuf, bytes: &[u8]) -> Result<(), WriteError> {
-    std::fs::write(&path, bytes).map_err(|error| WriteError { path, problem: error.to_string() })
+    write_whole(&path, bytes).map_err(|error| WriteError { path, problem: error.to_string() })
 }
 
 impl FrameWriter {

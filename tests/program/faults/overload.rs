@@ -10,8 +10,6 @@ use rustix::process::Signal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Streams that wait at the same time.
-const STREAMS: u64 = 3;
 /// Percepts that are read under overload.
 const PERCEPTS: usize = 60;
 /// What memory may grow by while it is flooded, kB.
@@ -58,30 +56,34 @@ fn under_overload_the_newest_is_answered_all_streams_are_served_alike_and_what_i
     assert!(status.overflowed > 0, "no queue was full");
     assert!(sent > 10 * status.answered, "no overload: {sent} sent, {} answered", status.answered);
 
-    // Nobody is starved, and the flood has no more than its share.
+    // Nobody is starved, and the flood has no more than its share: while an observation waits, each other stream is answered once at most.
+    // That holds however long the machine lets a producer sleep.
     let answers = ids.map(|id| percepts.iter().filter(|percept| percept.producer_id == id).count());
-    let spans = ids.map(|id| {
-        let mut numbers = percepts.iter().filter(|percept| percept.producer_id == id).map(|percept| percept.sequence);
-        let first = numbers.next().unwrap();
-        numbers.next_back().unwrap() - first + 1
-    });
     println!(
-        "answered of two floods and one that sends at its ease: {answers:?} of {spans:?}; {sent} sent in all, {} dropped, {} lost before",
+        "answered of two floods and one that sends at its ease: {answers:?}; {sent} sent in all, {} dropped, {} lost before",
         status.dropped, status.overflowed
     );
-    assert!(answers[0].abs_diff(answers[1]) <= 2 + answers[0] / 10, "{answers:?}");
-    let due = answers[0].min(spans[2] as usize);
-    assert!(answers[2] + 2 + due / 10 >= due, "{answers:?} of {spans:?}");
-
-    // Whoever waits, waits for the query in work and for one of each other stream, not for a queue of its own.
-    let longest_query = percepts.windows(2).map(|pair| pair[1].published_ns - pair[0].published_ns).max().unwrap();
-    let longest_wait = percepts.iter().map(|percept| percept.published_ns - percept.received_ns).max().unwrap();
-    println!("longest time between percepts {} us, longest from taking to answering {} us", longest_query / 1000, longest_wait / 1000);
-    assert!(longest_wait <= (STREAMS + 1) * longest_query);
+    assert!(answers.iter().all(|answers| *answers > 0), "{answers:?}");
+    for waited in &percepts {
+        for other in ids.into_iter().filter(|id| *id != waited.producer_id) {
+            let meanwhile = waited.received_ns + 1..waited.published_ns;
+            let before = percepts.iter().filter(|p| p.producer_id == other && meanwhile.contains(&p.published_ns)).count();
+            assert!(before <= 1, "{before} of {other} were answered while one of {} waited", waited.producer_id);
+        }
+    }
 
     let (first, last) = (resident[resident.len() / 4], resident[resident.len() - 1]);
     println!("resident: {first} kB, later {last} kB");
     assert!(last < first + ALLOWANCE_KB, "{resident:?}");
+}
+
+/// Ends a flood, also when the test fails: its thread is waited for.
+struct EndsFlood<'a>(&'a AtomicBool);
+
+impl Drop for EndsFlood<'_> {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Relaxed);
+    }
 }
 
 /// More streams than can wait at a time, each with one observation: a producer that names every grid a new object.
@@ -93,10 +95,12 @@ fn a_flood_of_objects_starves_no_other_producer() {
     flood.ask(|_, voxels| block(voxels));
     let flooding = AtomicBool::new(true);
     std::thread::scope(|scope| {
+        let _ends = EndsFlood(&flooding);
         scope.spawn(|| {
             while flooding.load(Ordering::Relaxed) {
                 flood.send(|header, voxels| {
-                    header.object_id = header.capture_ns;
+                    // A search takes far longer than a grid takes to be sent, on any machine.
+                    (header.object_id, header.pose_search) = (header.capture_ns, PoseSearch::Full.code());
                     block(voxels);
                 });
             }
@@ -104,6 +108,5 @@ fn a_flood_of_objects_starves_no_other_producer() {
         let crowded = honest.status(|status| status.waiting() > 200);
         (0..20).for_each(|_| assert_eq!(honest.ask(|_, voxels| block(voxels)).status, 0));
         honest.status(|status| status.dropped > crowded.dropped);
-        flooding.store(false, Ordering::Relaxed);
     });
 }

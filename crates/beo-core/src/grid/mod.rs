@@ -13,6 +13,7 @@ mod raycast;
 mod rotation;
 mod runs;
 mod shrinking;
+mod turn;
 mod view;
 
 pub use dims::{Dims, DimsError, longest_side};
@@ -23,10 +24,9 @@ pub use occupancy::Occupancy;
 pub use placed::Placed;
 pub use pooling::Pooling;
 pub use raycast::RayCaster;
-pub(crate) use rotation::{ALONE, nearest};
-pub use rotation::{
-    Outside, Rotation, Turn, cube_rotations, for_each_column_source, from_xyzw, mean_rotation, to_xyzw, uniform_rotation, yaw, yaw_of,
-};
+pub use rotation::{Rotation, cube_rotations, from_xyzw, mean_rotation, to_xyzw, uniform_rotation, yaw, yaw_of};
 pub use runs::for_each_run;
 pub use shrinking::{Counts, Shrinking};
+pub(crate) use turn::{ALONE, nearest};
+pub use turn::{Outside, Turn, for_each_column_source};
 pub use view::View;

@@ -1,6 +1,6 @@
 //! How an object lies in a grid: turned, scaled, shifted.
 
-use super::Rotation;
+use super::rotation::Rotation;
 use nalgebra::{Matrix3, Vector3};
 
 /// Takes the object's canonical grid to another grid: g = scale · R p + shift, both in voxels of their own grid, from its centre.

@@ -3,8 +3,8 @@
 //! Every basis vector is a linear combination of training shapes, so a class basis is kept as its n × k combination, and the
 //! d-dimensional vectors exist only block by block of voxels: two passes over the bit-packed shapes, whatever d is.
 
-use super::fit::Pass;
 use super::gram::centred;
+use super::progress::Pass;
 use super::vbpca::{self, Priors, Spectrum, Vbpca};
 use crate::grid::{Dims, Occupancy};
 use crate::linear::{LinearError, symmetric_eigen};

@@ -1,14 +1,13 @@
 //! How sure the densities of what cameras see may be, fitted on views of shapes that they have not seen, through the same sensors.
 
 use super::calibration::fit_blend;
-use super::camera_density::{LeftOut, Views};
-use super::camera_views::{AtRest, Part, Sample, are_plain, stream};
+use super::camera_views::{AtRest, Part, Sample, Views, are_plain, stream};
 use crate::grid::{Outside, yaw_of};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
 use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner};
 use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
-use crate::perception::evidence::placed::EvidenceScratch;
+use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
 use crate::perception::scored::Scored as PerceptScores;
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
@@ -36,6 +35,18 @@ const LIKELY: usize = 3;
 const WEIGHTS: [f64; 8] = [0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0];
 /// Factors on the log density of size among which they choose for the class.
 const SIZE_WEIGHTS: [f64; 5] = [0.2, 0.35, 0.5, 0.75, 1.0];
+
+/// Shapes that are left out at first, and what was learned without them.
+pub struct LeftOut<'a> {
+    /// Of each class, which of its shapes are left out.
+    pub held: &'a [Vec<usize>],
+    /// Classes learned from the others.
+    pub evidence: EvidenceModel,
+    /// Weight and offsets of their evidence alone.
+    pub evidence_blend: &'a Blend,
+    /// Longest side of the shapes, in voxels.
+    pub longest_side: usize,
+}
 
 /// One view of a shape that was left out.
 struct Scored {

@@ -6,16 +6,14 @@
 //! exactly the object lies a regression on them. How sure the densities may be of class and pose is fitted on shapes that are left out at
 //! first (`camera_calibration`).
 
-use super::camera_calibration::calibrate;
-use super::camera_views::{ClassShapes, Part, are_plain, around, parts, stream};
+use super::camera_calibration::{LeftOut, calibrate};
+use super::camera_views::{ClassShapes, Part, Views, are_plain, around, parts, stream};
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
 use crate::linear::LinearError;
-use crate::model::{Blend, CameraCalibration, CameraDensities, OFFSETS, YAWS};
+use crate::model::{CameraCalibration, CameraDensities, OFFSETS, YAWS};
 use crate::perception::PerceiveError;
 use crate::perception::camera::{CELLS, CameraFeatures, Shadow, ShadowImage};
-use crate::perception::evidence::placed::EvidenceModel;
-use crate::simulation::Sensing;
 use faer::Mat;
 use half::f16;
 use rand::RngExt;
@@ -42,31 +40,6 @@ pub struct Learned {
     pub densities: CameraDensities,
     /// How sure they may be, from shapes that were left out.
     pub calibration: CameraCalibration,
-}
-
-/// Shapes that are left out at first, and what was learned without them.
-pub struct LeftOut<'a> {
-    /// Of each class, which of its shapes are left out.
-    pub held: &'a [Vec<usize>],
-    /// Classes learned from the others.
-    pub evidence: EvidenceModel,
-    /// Weight and offsets of their evidence alone.
-    pub evidence_blend: &'a Blend,
-    /// Longest side of the shapes, in voxels.
-    pub longest_side: usize,
-}
-
-/// How views are made.
-#[derive(Clone, Copy, Debug)]
-pub struct Views<'a> {
-    /// Elevations of cameras, radians, ascending.
-    pub elevations: &'a [f64],
-    /// What sensors and masks get wrong.
-    pub sensing: Sensing,
-    /// Whether objects lie as well as stand.
-    pub lying: bool,
-    /// Seed.
-    pub seed: u64,
 }
 
 /// Learns from the shapes of each class. The same shapes and seed give the same densities, whatever the number of threads.

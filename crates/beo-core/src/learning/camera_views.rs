@@ -32,6 +32,19 @@ pub struct ClassShapes<'a> {
     pub lengths_m: Option<&'a [[f64; 3]]>,
 }
 
+/// How views are made.
+#[derive(Clone, Copy, Debug)]
+pub struct Views<'a> {
+    /// Elevations of cameras, radians, ascending.
+    pub elevations: &'a [f64],
+    /// What sensors and masks get wrong.
+    pub sensing: Sensing,
+    /// Whether objects lie as well as stand.
+    pub lying: bool,
+    /// Seed.
+    pub seed: u64,
+}
+
 /// A shape as it rests.
 pub struct AtRest {
     /// Its place among the shapes of its class.

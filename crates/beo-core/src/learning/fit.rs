@@ -1,9 +1,11 @@
 //! Bases and classes learned from some of the shapes.
 
 use super::basis::{ClassBasis, shared_basis};
+use super::error::TrainError;
 use super::gram::overlaps;
+use super::options::{FEWEST_SHAPES, TrainOptions};
+use super::progress::Pass;
 use super::shrinkage::centre;
-use super::train::{FEWEST_SHAPES, TrainError, TrainOptions};
 use crate::grid::{Dims, Occupancy, View};
 use crate::model::{Basis, ClassModel, Footprint, levels_of};
 use crate::perception::{BasisRows, SharedRows};
@@ -156,17 +158,4 @@ fn union(dims: Dims, shapes: &[Vec<&Occupancy>]) -> FixedBitSet {
     let mut all = FixedBitSet::with_capacity(dims.voxels());
     shapes.iter().flatten().for_each(|shape| all.union_with(shape.bits()));
     all
-}
-
-/// A pass over all voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Pass {
-    /// Inner products of the class bases: the Gram matrix of W.
-    Gram,
-    /// W' is formed and rounded.
-    Basis,
-    /// Tables that reading W' needs: prefix sums, or its Gram matrix where it is read in place.
-    Reading,
-    /// Shapes are projected onto W'.
-    Projecting,
 }

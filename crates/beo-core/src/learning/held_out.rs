@@ -1,9 +1,11 @@
 //! Objects that a fold holds out, scored as queries are; what the calibration is fitted to.
 
 use super::calibration::{Fitted, FittedVoxels, fit_blend, fit_voxels};
-use super::fit::{Data, Fit, Fold, Pass, project};
+use super::error::TrainError;
+use super::fit::{Data, Fit, Fold, project};
 use super::hull_density::HullMoments;
-use super::train::{TrainError, TrainOptions};
+use super::options::TrainOptions;
+use super::progress::Pass;
 use crate::linear::LinearError;
 use crate::model::{Blend, Calibration, CompletionCalibration};
 use crate::perception::completion::voxels::{Block, ForEachBlock, Part, Unknown};
@@ -73,7 +75,7 @@ impl HeldOut {
             hull.push((0..labels.len()).map(|i| by_class.iter().map(|(distances, volume)| (distances[i], *volume)).collect()).collect());
         }
 
-        let subspaces: Vec<ClassSubspace> = fit.classes.iter().map(|c| fit.reading.class(&c.model)).collect();
+        let subspaces: Vec<ClassSubspace> = fit.classes.iter().map(|c| ClassSubspace::of(&fit.reading, &c.model)).collect();
         let share = (EVIDENCE_OBJECTS / options.folds.max(1)).max(1);
         let sampled = sample(&labels, data.classes.len(), share);
         let most_completed = (COMPLETED_OBJECTS / options.folds.max(1)).max(1);

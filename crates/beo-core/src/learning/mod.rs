@@ -18,7 +18,8 @@
 //! | `camera_calibration` | how sure they may be | logistic regression |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
 //! | `fit` | bases and classes of some of the shapes | |
-//! | `shapes` | what is learned from | |
+//! | `shapes` | the training set | |
+//! | `options`, `error`, `progress` | options of the training, its errors, its steps | |
 //! | `held_out` | objects that a fold leaves out, scored; the calibration | |
 //! | `train` | the driver, with internal cross-validation, and smaller grids | |
 //!
@@ -30,11 +31,14 @@ mod camera_calibration;
 mod camera_density;
 mod camera_views;
 mod components;
+mod error;
 mod fit;
 mod gram;
 mod held_out;
 mod hull;
 mod hull_density;
+mod options;
+mod progress;
 mod regressed;
 mod render;
 mod resting;
@@ -45,6 +49,8 @@ mod train;
 pub mod vbpca;
 mod view_density;
 
-pub use fit::Pass;
+pub use error::TrainError;
+pub use options::{FEWEST_SHAPES, TrainOptions};
+pub use progress::{Pass, Step};
 pub use shapes::{Shape, ShapeSet};
-pub use train::{FEWEST_SHAPES, Step, TrainError, TrainOptions, train};
+pub use train::train;

@@ -1,6 +1,8 @@
 //! Training shapes: complete shapes, each with the class that it belongs to.
 
-use crate::grid::Occupancy;
+use super::error::TrainError;
+use super::options::FEWEST_SHAPES;
+use crate::grid::{Dims, Occupancy};
 
 /// One complete shape.
 #[derive(Debug, Clone)]
@@ -22,4 +24,22 @@ pub struct ShapeSet {
     pub shapes: Vec<Shape>,
     /// True lengths of each shape along its canonical axes, metres, in the same order; `None` where units are not known.
     pub lengths_m: Option<Vec<[f64; 3]>>,
+}
+
+/// The shapes of each class, which all have one size.
+pub(super) fn by_class(shapes: &ShapeSet) -> Result<(Dims, Vec<Vec<&Occupancy>>), TrainError> {
+    let Some(first) = shapes.shapes.first() else { return Err(TrainError::Nothing) };
+    let dims = first.object.dims();
+    let mut classes = vec![Vec::new(); shapes.classes.len()];
+    for shape in &shapes.shapes {
+        let found = shape.object.dims();
+        if found != dims {
+            return Err(TrainError::Dims { file: shape.file.clone(), found, expected: dims });
+        }
+        classes[shape.class].push(&shape.object);
+    }
+    if let Some(s) = classes.iter().position(|c| c.len() < FEWEST_SHAPES) {
+        return Err(TrainError::TooFew { class: shapes.classes[s].clone(), found: classes[s].len() });
+    }
+    Ok((dims, classes))
 }

@@ -1,132 +1,23 @@
 //! The training driver: one fit on all shapes, and fits on folds from whose held-out objects the calibration is learned.
 
-use super::camera_density::{LeftOut, Views, camera_densities};
-use super::camera_views::ClassShapes;
-use super::fit::{Data, Fit, Pass};
+use super::camera_calibration::LeftOut;
+use super::camera_density::camera_densities;
+use super::camera_views::{ClassShapes, Views};
+use super::error::TrainError;
+use super::fit::{Data, Fit};
 use super::held_out::{HeldOut, calibrate};
 use super::hull_density::HullMoments;
-use super::shapes::ShapeSet;
+use super::options::TrainOptions;
+use super::progress::Step;
+use super::shapes::{ShapeSet, by_class};
 use super::shrinkage::{centre, shrunk_covariance};
 use super::view_density::view_densities;
-use crate::grid::{Dims, Occupancy, Shrinking, View};
-use crate::linear::LinearError;
+use crate::grid::{Occupancy, Shrinking};
 use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Searched, Settings, levels_of};
-use crate::perception::PerceiveError;
 use crate::perception::evidence::placed::EvidenceModel;
-use crate::simulation::Sensing;
 use faer::Mat;
 use rayon::prelude::*;
 use std::sync::Arc;
-
-/// Fewest shapes of a class.
-pub const FEWEST_SHAPES: usize = 4;
-
-/// How to train.
-#[derive(Clone, Debug)]
-pub struct TrainOptions {
-    /// Views to simulate.
-    pub views: Vec<View>,
-    /// Elevations of the cameras to be met, degrees above the horizontal, ascending: densities of what they see are learned; none for none.
-    pub camera_elevations_deg: Vec<f64>,
-    /// What sensors and masks get wrong in the cameras' views.
-    pub sensing: Sensing,
-    /// Whether the resting poses of the shapes are learned for cameras; else all stand upright.
-    pub lying: bool,
-    /// Share of the variance that sizes a class basis.
-    pub variance_share: f64,
-    /// Least and most components of a class basis.
-    pub basis_range: [usize; 2],
-    /// Seed of the folds.
-    pub seed: u64,
-    /// Number of folds, at least two.
-    pub folds: usize,
-    /// Whether to learn what poses are searched with: smaller grids, and views from all sides. A model without them answers queries in
-    /// known pose alone, the same as with them.
-    pub poses: bool,
-    /// Splits that the shapes come from, for the record.
-    pub splits: Vec<String>,
-    /// Longest side of a mesh in voxels, for the record.
-    pub longest_side: usize,
-    /// Terms of the data, for the record.
-    pub licence: String,
-}
-
-impl Default for TrainOptions {
-    /// The paper's basis sizes, top views, three folds.
-    fn default() -> Self {
-        Self {
-            views: vec![View::Top],
-            camera_elevations_deg: Vec::new(),
-            sensing: Sensing::Mild,
-            lying: false,
-            variance_share: 0.6,
-            basis_range: [30, 70],
-            seed: 0,
-            folds: 3,
-            poses: true,
-            splits: vec!["train".into()],
-            longest_side: 24,
-            licence: String::new(),
-        }
-    }
-}
-
-/// Training failed.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    /// A class has too few shapes.
-    #[error("class `{class}` has {found} shapes, at least {FEWEST_SHAPES} are needed: add shapes or remove its folder")]
-    TooFew {
-        /// The class.
-        class: String,
-        /// Its shapes.
-        found: usize,
-    },
-    /// There is no class, or no view.
-    #[error("nothing to learn: no class of shapes, or no view to simulate")]
-    Nothing,
-    /// ShapeSet have different dims.
-    #[error("{file} is a grid of {found}, others are of {expected}: give all shapes one resolution")]
-    Dims {
-        /// The shape.
-        file: String,
-        /// Its size.
-        found: Dims,
-        /// The size of the first shape.
-        expected: Dims,
-    },
-    /// ShapeSet are so thin that nothing of them is left on a smaller grid.
-    #[error(
-        "nothing of the shapes of class `{class}` is left on the grid of {dims} on which poses are searched: use a --resolution of at most 64, or thicker shapes"
-    )]
-    Vanished {
-        /// The class.
-        class: String,
-        /// The smaller grid.
-        dims: Dims,
-    },
-    /// A matrix could not be factorised.
-    #[error(transparent)]
-    Linear(#[from] LinearError),
-    /// Shapes that were left out could not be perceived.
-    #[error(transparent)]
-    Perceive(#[from] PerceiveError),
-}
-
-/// A step of the training, for progress reports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Step {
-    /// Name of the step.
-    pub name: &'static str,
-    /// The longest side of the grid on which it is done: models of large grids have smaller ones too.
-    pub side: usize,
-    /// The pass over all voxels that begins within it.
-    pub pass: Option<Pass>,
-    /// Steps done before this one.
-    pub done: usize,
-    /// All steps.
-    pub total: usize,
-}
 
 /// Learns a model. The same shapes and options give the same model, whatever the number of threads.
 ///
@@ -164,24 +55,6 @@ pub fn train(shapes: &ShapeSet, options: &TrainOptions, progress: &(dyn Fn(Step)
         searched => searched,
     };
     Ok(Model { searched, ..model })
-}
-
-/// The shapes of each class, which all have one size.
-fn by_class(shapes: &ShapeSet) -> Result<(Dims, Vec<Vec<&Occupancy>>), TrainError> {
-    let Some(first) = shapes.shapes.first() else { return Err(TrainError::Nothing) };
-    let dims = first.object.dims();
-    let mut classes = vec![Vec::new(); shapes.classes.len()];
-    for shape in &shapes.shapes {
-        let found = shape.object.dims();
-        if found != dims {
-            return Err(TrainError::Dims { file: shape.file.clone(), found, expected: dims });
-        }
-        classes[shape.class].push(&shape.object);
-    }
-    if let Some(s) = classes.iter().position(|c| c.len() < FEWEST_SHAPES) {
-        return Err(TrainError::TooFew { class: shapes.classes[s].clone(), found: classes[s].len() });
-    }
-    Ok((dims, classes))
 }
 
 /// A model of one grid.
@@ -310,8 +183,9 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
 mod tests {
     use super::*;
     use crate::furniture;
+    use crate::grid::{Dims, View};
     use crate::learning::Shape;
-    use crate::perception::{Perceiver, Percept, PoseSearch, Query};
+    use crate::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query};
 
     /// On a grid on which poses are searched, and on one that is too large for that.
     #[test]

@@ -13,8 +13,8 @@ use crate::grid::{HeightMap, Occupancy, Pooling, Rotation, uniform_rotation, yaw
 use crate::learning::render::Renderer;
 use crate::linear::LinearError;
 use crate::model::{DIRECTIONS, ViewDensities};
-use crate::perception::pose::hull_features::HullFeatures;
-use crate::perception::pose::viewpoint::{TURNS, frame};
+use crate::perception::views::hull_features::HullFeatures;
+use crate::perception::views::viewpoint::{TURNS, frame};
 use faer::Mat;
 use half::f16;
 use nalgebra::Vector3;

@@ -1,10 +1,9 @@
-//! The shared basis W': d × a in half precision, in memory or mapped from the model file.
+//! The shared basis W': d × a in half precision, in memory or, of large grids, mapped from the model file.
 
 use super::first_touch::{Damaged, FirstTouch};
-use super::mapping;
+use super::mapping::{self, Mapped};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use memmap2::Mmap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -18,7 +17,7 @@ pub struct Basis {
 #[derive(Clone, Debug)]
 enum Storage {
     Owned(Arc<Vec<f16>>),
-    Mapped { file: Arc<Mmap>, bytes: Range<usize>, first_touch: Option<Arc<FirstTouch>> },
+    Mapped { file: Arc<Mapped>, bytes: Range<usize>, first_touch: Arc<FirstTouch> },
 }
 
 impl Basis {
@@ -30,8 +29,8 @@ impl Basis {
 
     /// A basis inside a mapped file; `bytes` is aligned to two bytes and holds whole rows, little-endian. `first_touch` checks them as
     /// they are read.
-    pub(super) fn mapped(rank: usize, file: Arc<Mmap>, bytes: Range<usize>, first_touch: Option<FirstTouch>) -> Self {
-        Self { rank, storage: Storage::Mapped { file, bytes, first_touch: first_touch.map(Arc::new) } }
+    pub(super) fn mapped(rank: usize, file: Arc<Mapped>, bytes: Range<usize>, first_touch: FirstTouch) -> Self {
+        Self { rank, storage: Storage::Mapped { file, bytes, first_touch: Arc::new(first_touch) } }
     }
 
     /// Number of columns, a.
@@ -48,7 +47,7 @@ impl Basis {
     pub fn values(&self) -> &[f16] {
         match &self.storage {
             Storage::Owned(rows) => rows,
-            Storage::Mapped { file, bytes, .. } => super::file::half_slice(&file[bytes.clone()]),
+            Storage::Mapped { file, bytes, .. } => bytemuck::cast_slice(&file[bytes.clone()]),
         }
     }
 
@@ -69,17 +68,17 @@ impl Basis {
     /// [`Damaged`] if they are not what was written.
     pub fn touch(&self, voxels: Range<usize>) -> Result<(), Damaged> {
         match &self.storage {
-            Storage::Mapped { file, bytes, first_touch: Some(first_touch) } => {
+            Storage::Mapped { file, bytes, first_touch } => {
                 let size = self.rank * size_of::<f16>();
                 first_touch.touch(file, bytes, voxels.start * size..voxels.end * size)
             }
-            _ => Ok(()),
+            Storage::Owned(_) => Ok(()),
         }
     }
 
     /// Bounds the pages of the file that stay in this process's memory, in bytes; of small files nothing is bounded.
     pub fn bound(&self, bytes: usize) {
-        if let Storage::Mapped { file, first_touch: Some(first_touch), .. } = &self.storage {
+        if let Storage::Mapped { file, first_touch, .. } = &self.storage {
             mapping::map_small_pages(file);
             first_touch.bound(bytes);
         }

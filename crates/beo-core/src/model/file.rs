@@ -2,27 +2,25 @@
 
 use super::camera_density::CELLS;
 use super::first_touch::{FirstTouch, PIECE, checksums};
+use super::opened::Opened;
 use super::{
     Basis, CameraDensities, ClassModel, Component, DIRECTIONS, FORMAT_VERSION, Footprint, HullDensity, MOST_COMPONENTS, Metadata, Model,
-    OFFSETS, Searched, ViewDensities, YAWS, levels_of, mapping,
+    OFFSETS, Searched, ViewDensities, YAWS, levels_of,
 };
 use super::{LONGEST_CLASS_NAME, MOST_CLASSES};
 use crate::grid::{Dims, Pooling};
-use crate::text::printable;
+use crate::whole_file::WholeFile;
 use half::f16;
-use memmap2::Mmap;
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::{Dtype, TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Tensors of at least this many bytes are not checked at load but by [`verify`], so that a start stays instant.
-const CHECKED_AT_LOAD: usize = 64 << 20;
+/// From so many bytes on, the basis of a grid that is too large to be searched is mapped, so that only what queries read takes memory.
+pub const MAPPED_FROM: u64 = 64 << 20;
 /// The key of our description in the header of the file.
-const KEY: &str = "beo";
+pub(super) const KEY: &str = "beo";
 
 #[cfg(target_endian = "big")]
 compile_error!("model files are little-endian and are mapped as they are");
@@ -68,25 +66,20 @@ pub enum ModelError {
 
 /// The description in the header, with what is needed to detect damage.
 #[derive(Serialize, Deserialize)]
-struct Header {
-    metadata: Metadata,
+pub(super) struct Header {
+    pub metadata: Metadata,
     /// CRC-32 of each tensor's bytes.
-    checksums: BTreeMap<String, u32>,
+    pub checksums: BTreeMap<String, u32>,
     /// CRC-32 of `metadata`, `checksums` and the table of tensors.
-    checksum: u32,
+    pub checksum: u32,
 }
 
 /// Names, shapes and lengths, written out: damage to the table of tensors changes this text.
-type Table = BTreeMap<String, (String, Vec<usize>, usize)>;
+pub(super) type Table = BTreeMap<String, (String, Vec<usize>, usize)>;
 
-fn header_checksum(metadata: &Metadata, checksums: &BTreeMap<String, u32>, table: &Table) -> u32 {
+pub(super) fn header_checksum(metadata: &Metadata, checksums: &BTreeMap<String, u32>, table: &Table) -> u32 {
     let text = serde_json::to_string(&(metadata, checksums, table)).expect("plain data");
     crc32fast::hash(text.as_bytes())
-}
-
-/// Bytes as half-precision numbers; the slice is aligned and whole, which `load` has checked.
-pub(super) fn half_slice(bytes: &[u8]) -> &[f16] {
-    bytemuck::cast_slice(bytes)
 }
 
 /// Length of a packed lower triangle of `size` rows.
@@ -110,14 +103,23 @@ fn unpack(triangles: &[f32], size: usize) -> Vec<f32> {
 /// Writes a model. The file appears under its name only when it is complete.
 pub fn save(model: &Model, path: &Path) -> Result<(), ModelError> {
     let io = |source| ModelError::Io { path: path.to_owned(), source };
-    let partial = path.with_extension("partial");
-    // Made here first for its permissions: those of any new file, whereas the writer would make it readable for one user only.
-    let permissions = File::create(&partial).and_then(|file| file.metadata()).map_err(io)?.permissions();
-    if let Err(error) = with_tensors(model, |tensors, header| safetensors::serialize_to_file(tensors, Some(header), &partial)) {
-        let _ = std::fs::remove_file(&partial);
-        return Err(io(std::io::Error::other(error)));
+    let mut file = place(path)?;
+    if let Some(temporary) = file.temporary() {
+        with_tensors(model, |tensors, header| safetensors::serialize_to_file(tensors, Some(header), temporary))
+            .map_err(|error| io(std::io::Error::other(error)))?;
     }
-    std::fs::set_permissions(&partial, permissions).and_then(|()| std::fs::rename(&partial, path)).map_err(io)
+    // The writer has put a file of its own there, for one user only.
+    file.take_up().and_then(|()| file.keep()).map_err(io)
+}
+
+/// Begins the file of a model, which is no pipe and no device: it is mapped.
+fn place(path: &Path) -> Result<WholeFile, ModelError> {
+    let io = |source| ModelError::Io { path: path.to_owned(), source };
+    let file = WholeFile::create(path).map_err(io)?;
+    match file.temporary() {
+        Some(_) => Ok(file),
+        None => Err(io(std::io::Error::other("not a regular file"))),
+    }
 }
 
 /// A level of a model: the bytes of a whole model file.
@@ -125,7 +127,7 @@ fn level_bytes(level: &Model) -> Vec<u8> {
     with_tensors(level, |tensors, header| safetensors::serialize(tensors, Some(header)).expect("names and shapes are sound"))
 }
 
-fn level_name(dims: Dims) -> String {
+pub(super) fn level_name(dims: Dims) -> String {
     format!("level_{}", <[usize; 3]>::from(dims).into_iter().fold(0, usize::max))
 }
 
@@ -219,12 +221,9 @@ pub struct VerifyReport {
 /// Checks the header and every tensor of a model file, whatever its size.
 pub fn verify(path: &Path) -> Result<VerifyReport, ModelError> {
     let file = Opened::open(path)?;
-    let tensors = file.tensors()?;
     let mut bytes = 0;
     for name in file.header.checksums.keys() {
-        let tensor = file.tensor(&tensors, name)?;
-        file.check(name, tensor.data())?;
-        bytes += tensor.data().len();
+        bytes += file.verify(name)?;
     }
     Ok(VerifyReport { tensors: file.header.checksums.len(), bytes })
 }
@@ -245,10 +244,17 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Bytes of memory that [`load`] takes at a time: the file's pages, and twice the covariances as full matrices.
+    /// Bytes of memory that [`load`] takes at a time: what it reads, and twice the covariances as full matrices.
     pub fn bytes(&self) -> u64 {
         let matrices = self.metadata.classes.len() as u64 * (1 + self.metadata.settings.views.len() as u64);
         matrices.saturating_mul(self.rank as u64 * self.rank as u64).saturating_mul(2 * 4).saturating_add(self.file_bytes)
+    }
+}
+
+impl Outline {
+    /// Whether [`load`] maps the basis: only what queries read of it takes memory.
+    pub fn is_mapped(&self) -> bool {
+        !levels_of(self.metadata.dims).is_empty() && self.basis_bytes >= MAPPED_FROM
     }
 }
 
@@ -258,25 +264,18 @@ pub fn outline(path: &Path) -> Result<Outline, ModelError> {
 }
 
 fn outline_of(file: Opened) -> Result<Outline, ModelError> {
-    let tensors = file.tensors()?;
-    let rank = file.rank(&tensors)?;
-    let level = |dims| {
-        let tensor = file.tensor(&tensors, &level_name(dims))?;
-        outline_of(Opened::within(&file.path, file.map.clone(), file.range(tensor.data()))?)
-    };
+    let rank = file.rank()?;
+    let level = |dims| outline_of(file.level(dims)?);
     let levels = levels_in(&file.header.metadata).into_iter().map(level).collect::<Result<_, ModelError>>()?;
     let basis_bytes = (file.header.metadata.dims.voxels() * rank * size_of::<f16>()) as u64;
-    Ok(Outline { rank, file_bytes: file.within.len() as u64, basis_bytes, levels, metadata: file.header.metadata })
+    Ok(Outline { rank, file_bytes: file.len(), basis_bytes, levels, metadata: file.header.metadata })
 }
 
 /// Fails unless a model of `bytes` can be written to `path`: a training that cannot keep what it learned should not begin.
 pub fn check_place(path: &Path, bytes: u64) -> Result<(), ModelError> {
     let io = |source| ModelError::Io { path: path.to_owned(), source };
-    let partial = path.with_extension("partial");
-    let file = File::create(&partial).map_err(io)?;
-    let space = rustix::fs::fstatvfs(&file);
-    std::fs::remove_file(&partial).map_err(io)?;
-    let space = space.map_err(|error| io(error.into()))?;
+    let file = place(path)?;
+    let space = rustix::fs::fstatvfs(file.file()).map_err(|error| io(error.into()))?;
     let free = space.f_bavail.saturating_mul(space.f_frsize);
     if free < bytes {
         return Err(ModelError::NoRoom { path: path.to_owned(), needed: bytes, free });
@@ -284,42 +283,42 @@ pub fn check_place(path: &Path, bytes: u64) -> Result<(), ModelError> {
     Ok(())
 }
 
-/// Maps a model file and checks its header, sizes and the checksums of all tensors below 64 MiB.
+/// Reads a model file and checks its header, sizes and checksums. The basis of a large grid, from [`MAPPED_FROM`] bytes on, is mapped
+/// instead, and checked piece by piece as it is read.
 pub fn load(path: &Path) -> Result<Model, ModelError> {
     read(&Opened::open(path)?)
 }
 
 fn read(file: &Opened) -> Result<Model, ModelError> {
-    let tensors = file.tensors()?;
+    // First the sizes that the description names: they are bounded there.
+    let rank = file.rank()?;
     let metadata = &file.header.metadata;
     let m = metadata.classes.len();
     let total: usize = metadata.classes.iter().map(|c| c.basis_size).sum();
-    let rank = file.rank(&tensors)?;
-    let basis = file.tensor(&tensors, "basis")?;
-    let searched = file.searched(&tensors, metadata, rank)?;
-    let in_place = !matches!(searched, Searched::Here { .. } | Searched::KnownPoseOnly { footprint: None });
-    let first_touch = match in_place {
-        _ if basis.data().len() < CHECKED_AT_LOAD => {
-            file.check("basis", basis.data())?;
-            None
+    let searched = searched(file, metadata, rank)?;
+    let is_large = !matches!(searched, Searched::Here { .. } | Searched::KnownPoseOnly { footprint: None });
+    let basis = match is_large && file.bytes_of("basis")? >= MAPPED_FROM {
+        true => {
+            let pieces = file.bytes_of("basis")?.div_ceil(PIECE as u64) as usize;
+            let checksums = file.words("basis_pieces", &[pieces])?;
+            let (map, bytes) = file.mapped("basis")?;
+            Basis::mapped(rank, map, bytes, FirstTouch::new(checksums))
         }
-        true => Some(FirstTouch::new(file.words(&tensors, "basis_pieces", &[basis.data().len().div_ceil(PIECE)])?)),
-        false => None,
+        false => Basis::new(rank, file.halves("basis", &[metadata.dims.voxels(), rank])?),
     };
-    let basis = Basis::mapped(rank, file.map.clone(), file.range(basis.data()), first_touch);
 
-    let mean = file.floats(&tensors, "class_mean", &[m, rank])?;
-    let covariance = file.symmetric(&tensors, "class_covariance", m, rank)?;
-    let directions = file.floats(&tensors, "class_directions", &[total, rank])?;
-    let variances = file.doubles(&tensors, "class_variances", &[total])?;
+    let mean = file.floats("class_mean", &[m, rank])?;
+    let covariance = symmetric(file, "class_covariance", m, rank)?;
+    let directions = file.floats("class_directions", &[total, rank])?;
+    let variances = file.doubles("class_variances", &[total])?;
     if !variances.iter().all(|v| *v > 0.0 && v.is_finite()) {
         return Err(file.invalid("a variance of a class is not a positive number"));
     }
     let mut hulls = Vec::new();
     for view in &metadata.settings.views {
         hulls.push((
-            file.floats(&tensors, &format!("hull_{}_mean", view.name()), &[m, rank])?,
-            file.symmetric(&tensors, &format!("hull_{}_covariance", view.name()), m, rank)?,
+            file.floats(&format!("hull_{}_mean", view.name()), &[m, rank])?,
+            symmetric(file, &format!("hull_{}_covariance", view.name()), m, rank)?,
         ));
     }
     let slice = |values: &[f32], s: usize, size: usize| values[s * size..(s + 1) * size].to_vec();
@@ -353,7 +352,7 @@ fn levels_in(metadata: &Metadata) -> Vec<Dims> {
 }
 
 /// Checks conditions that every file written by `save` satisfies, and a hand-made one may not.
-fn check_metadata(metadata: &Metadata) -> Result<(), String> {
+pub(super) fn check_metadata(metadata: &Metadata) -> Result<(), String> {
     let m = metadata.classes.len();
     let calibration = &metadata.calibration;
     let blends = [&calibration.auto, &calibration.hull, &calibration.evidence, &calibration.mean];
@@ -422,238 +421,110 @@ fn check_components(metadata: &Metadata) -> Result<(), String> {
     }
 }
 
-/// A mapped file whose header has been checked.
-struct Opened {
-    path: PathBuf,
-    map: Arc<Mmap>,
-    /// Its bytes in the file.
-    within: Range<usize>,
-    header: Header,
+/// The models on smaller grids.
+fn levels(file: &Opened, metadata: &Metadata) -> Result<Vec<Model>, ModelError> {
+    let level = |dims| {
+        let name = level_name(dims);
+        file.verify(&name)?;
+        let level = read(&file.level(dims)?)?;
+        let names = |m: &Metadata| m.classes.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+        if names(&level.metadata) != names(metadata) {
+            return Err(file.invalid(format!("tensor `{name}` is a model of other shapes")));
+        }
+        Ok(level)
+    };
+    levels_in(metadata).into_iter().map(level).collect()
 }
 
-impl Opened {
-    fn open(path: &Path) -> Result<Self, ModelError> {
-        let io = |source| ModelError::Io { path: path.to_owned(), source };
-        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: printable(&reason) };
-        // What is no regular file may keep whoever opens it waiting.
-        if !path.metadata().map_err(io)?.is_file() {
-            return Err(invalid("it is not a regular file".into()));
+/// With what the model is searched: its settings say whether at all, and its dims on which grids.
+fn searched(file: &Opened, metadata: &Metadata, rank: usize) -> Result<Searched, ModelError> {
+    let is_large = !levels_of(metadata.dims).is_empty();
+    match (metadata.settings.poses, is_large) {
+        (true, false) => {
+            let cameras = camera_densities(file, metadata)?.map(Arc::new);
+            Ok(Searched::Here { views: Arc::new(view_densities(file, metadata)?), cameras })
         }
-        let map = mapping::map(&File::open(path).map_err(io)?).map_err(io)?;
-        let within = 0..map.len();
-        Self::within(path, Arc::new(map), within)
-    }
-
-    /// The model that lies in these bytes of a mapped file.
-    fn within(path: &Path, map: Arc<Mmap>, within: Range<usize>) -> Result<Self, ModelError> {
-        let invalid = |reason: String| ModelError::Invalid { path: path.to_owned(), reason: printable(&reason) };
-        let (_, info) = SafeTensors::read_metadata(&map[within.clone()]).map_err(|e| invalid(format!("{e}")))?;
-        let text = info.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| invalid("it has no description by beo".into()))?;
-        let value: serde_json::Value = serde_json::from_str(text).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
-        match value["metadata"]["format_version"].as_u64() {
-            Some(version) if version == u64::from(FORMAT_VERSION) => {}
-            Some(found) => return Err(ModelError::Format { path: path.to_owned(), found }),
-            None => return Err(invalid("its description has no format version".into())),
-        }
-        let header: Header = serde_json::from_value(value).map_err(|e| invalid(format!("its description is damaged ({e})")))?;
-        // A flipped bit can leave every value as it was, in another spelling (`1E-5`), which the checksum of the values does not see.
-        if serde_json::to_string(&header).expect("plain data") != *text {
-            return Err(invalid("its description is not spelled as it was written".into()));
-        }
-        let table: Table = info
-            .tensors()
-            .into_iter()
-            .map(|(name, t)| (name, (t.dtype.to_string(), t.shape.clone(), t.data_offsets.1 - t.data_offsets.0)))
-            .collect();
-        if header_checksum(&header.metadata, &header.checksums, &table) != header.checksum {
-            return Err(invalid("its header does not match its checksum".into()));
-        }
-        Ok(Self { path: path.to_owned(), map, within, header })
-    }
-
-    /// Where in the file these bytes lie.
-    fn range(&self, bytes: &[u8]) -> Range<usize> {
-        let start = bytes.as_ptr() as usize - self.map.as_ptr() as usize;
-        start..start + bytes.len()
-    }
-
-    /// The models on smaller grids.
-    fn levels(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Vec<Model>, ModelError> {
-        let level = |dims| {
-            let name = level_name(dims);
-            let tensor = self.tensor(tensors, &name)?;
-            self.check(&name, tensor.data())?;
-            if !(tensor.data().as_ptr() as usize).is_multiple_of(align_of::<f16>()) {
-                return Err(self.invalid(format!("tensor `{name}` does not lie at an even address")));
+        (true, true) => {
+            let (footprint, levels) = (footprint(file, metadata, rank)?, levels(file, metadata)?);
+            if levels.iter().any(|level| !matches!(level.searched, Searched::Here { .. })) {
+                return Err(file.invalid("one of its smaller grids is not searched itself"));
             }
-            let level = read(&Self::within(&self.path, self.map.clone(), self.range(tensor.data()))?)?;
-            let names = |m: &Metadata| m.classes.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
-            if level.dims() != dims || names(&level.metadata) != names(metadata) {
-                return Err(self.invalid(format!("tensor `{name}` is a model of other shapes")));
-            }
-            Ok(level)
-        };
-        levels_in(metadata).into_iter().map(level).collect()
-    }
-
-    /// With what the model is searched: its settings say whether at all, and its dims on which grids.
-    fn searched(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Searched, ModelError> {
-        let is_large = !levels_of(metadata.dims).is_empty();
-        match (metadata.settings.poses, is_large) {
-            (true, false) => {
-                let cameras = self.camera_densities(tensors, metadata)?.map(Arc::new);
-                Ok(Searched::Here { views: Arc::new(self.view_densities(tensors, metadata)?), cameras })
-            }
-            (true, true) => {
-                let (footprint, levels) = (self.footprint(tensors, metadata, rank)?, self.levels(tensors, metadata)?);
-                if levels.iter().any(|level| !matches!(level.searched, Searched::Here { .. })) {
-                    return Err(self.invalid("one of its smaller grids is not searched itself"));
-                }
-                Ok(Searched::OnLevels { footprint, levels })
-            }
-            (false, true) => Ok(Searched::KnownPoseOnly { footprint: Some(self.footprint(tensors, metadata, rank)?) }),
-            (false, false) => Ok(Searched::KnownPoseOnly { footprint: None }),
+            Ok(Searched::OnLevels { footprint, levels })
         }
+        (false, true) => Ok(Searched::KnownPoseOnly { footprint: Some(footprint(file, metadata, rank)?) }),
+        (false, false) => Ok(Searched::KnownPoseOnly { footprint: None }),
     }
+}
 
-    fn footprint(&self, tensors: &SafeTensors<'_>, metadata: &Metadata, rank: usize) -> Result<Footprint, ModelError> {
-        let voxels = metadata.dims.voxels();
-        let bytes = self.small(tensors, "basis_footprint", Dtype::U8, &[Footprint::length(voxels)])?;
-        let gram = self.doubles(tensors, "basis_gram", &[packed(rank + 1)])?;
-        if !gram.iter().all(|v| v.is_finite()) {
-            return Err(self.invalid("tensor `basis_gram` holds a value that is not a number"));
-        }
-        Ok(Footprint { voxels: Footprint::bits(voxels, &bytes), gram })
-    }
+fn footprint(file: &Opened, metadata: &Metadata, rank: usize) -> Result<Footprint, ModelError> {
+    let voxels = metadata.dims.voxels();
+    let bytes = file.bytes("basis_footprint", &[Footprint::length(voxels)])?;
+    let gram = file.doubles("basis_gram", &[packed(rank + 1)])?;
+    Ok(Footprint { voxels: Footprint::bits(voxels, &bytes), gram })
+}
 
-    fn words(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<u32>, ModelError> {
-        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::U32, shape)?))
-    }
+/// Symmetric matrices that are stored as lower triangles, `count` of `size` × `size`.
+fn symmetric(file: &Opened, name: &str, count: usize, size: usize) -> Result<Vec<f32>, ModelError> {
+    Ok(unpack(&file.floats(name, &[count, packed(size)])?, size))
+}
 
-    /// Number of columns of the basis, after the description and the basis have been checked against each other.
-    fn rank(&self, tensors: &SafeTensors<'_>) -> Result<usize, ModelError> {
-        let basis = self.tensor(tensors, "basis")?;
-        let rank = basis.shape().get(1).copied().unwrap_or(0);
-        if self.header.metadata.classes.is_empty() || rank == 0 {
-            return Err(self.invalid("it has no class or no basis"));
-        }
-        check_metadata(&self.header.metadata).map_err(|reason| self.invalid(reason))?;
-        self.expect(&basis, "basis", Dtype::F16, &[self.header.metadata.dims.voxels(), rank])?;
-        Ok(rank)
+fn view_densities(file: &Opened, metadata: &Metadata) -> Result<ViewDensities, ModelError> {
+    let (m, cells) = (metadata.classes.len(), Pooling::new(metadata.dims).count());
+    let size = file.columns("view_basis")?;
+    if size == 0 || size > cells {
+        return Err(file.invalid(format!("tensor `view_basis` has {size} columns where 1 to {cells} were expected")));
     }
+    let triangle = packed(size);
+    let densities = ViewDensities {
+        size,
+        basis: file.halves("view_basis", &[cells, size])?,
+        means: file.halves("view_mean", &[DIRECTIONS, m, size])?,
+        whitening: file.halves("view_whitening", &[DIRECTIONS, m, triangle])?,
+        regression: file.halves("view_regression", &[DIRECTIONS, m, 3, size])?,
+    };
+    check_factors(file, "view_whitening", &densities.whitening, size)?;
+    Ok(densities)
+}
 
-    fn invalid(&self, reason: impl Into<String>) -> ModelError {
-        ModelError::Invalid { path: self.path.clone(), reason: printable(&reason.into()) }
+fn camera_densities(file: &Opened, metadata: &Metadata) -> Result<Option<CameraDensities>, ModelError> {
+    let elevations = &metadata.settings.camera_elevations_deg;
+    if elevations.is_empty() {
+        return Ok(None);
     }
+    let size = file.columns("camera_basis")?;
+    if size == 0 || size > CELLS {
+        return Err(file.invalid(format!("tensor `camera_basis` has {size} columns where 1 to {CELLS} were expected")));
+    }
+    let components = match metadata.camera_components.is_empty() {
+        true => (0..metadata.classes.len()).map(Component::upright).collect(),
+        false => metadata.camera_components.clone(),
+    };
+    let at = |rest: &[usize]| [&[elevations.len(), YAWS, components.len()], rest].concat();
+    let densities = CameraDensities {
+        components: components.clone(),
+        elevations: elevations.iter().map(|e| e.to_radians()).collect(),
+        size,
+        basis: file.halves("camera_basis", &[CELLS, size])?,
+        means: file.halves("camera_mean", &at(&[size]))?,
+        whitening: file.halves("camera_whitening", &at(&[packed(size)]))?,
+        offsets: file.floats("camera_offset", &at(&[OFFSETS]))?,
+        regression: file.halves("camera_regression", &at(&[OFFSETS, size]))?,
+        deviations: file.floats("camera_deviation", &at(&[OFFSETS]))?,
+    };
+    check_factors(file, "camera_whitening", &densities.whitening, size)?;
+    if !densities.offsets.iter().all(|v| v.abs() < 1e3) || !densities.deviations.iter().all(|v| *v > 0.0 && *v < 1e3) {
+        return Err(file.invalid("tensor `camera_offset` or `camera_deviation` holds a value that is out of range"));
+    }
+    Ok(Some(densities))
+}
 
-    fn tensors(&self) -> Result<SafeTensors<'_>, ModelError> {
-        SafeTensors::deserialize(&self.map[self.within.clone()]).map_err(|e| self.invalid(e.to_string()))
+/// Packed triangles have a positive diagonal.
+fn check_factors(file: &Opened, name: &str, factors: &[f16], size: usize) -> Result<(), ModelError> {
+    let positive = |factor: &[f16]| (0..size).all(|i| factor[packed(i + 1) - 1] > f16::ZERO);
+    if factors.chunks_exact(packed(size)).all(positive) {
+        return Ok(());
     }
-
-    fn tensor<'a>(&self, tensors: &SafeTensors<'a>, name: &str) -> Result<TensorView<'a>, ModelError> {
-        tensors.tensor(name).map_err(|_| self.invalid(format!("tensor `{name}` is missing")))
-    }
-
-    fn expect(&self, tensor: &TensorView<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<(), ModelError> {
-        if tensor.dtype() == dtype && tensor.shape() == shape {
-            return Ok(());
-        }
-        Err(self.invalid(format!("tensor `{name}` is {} {:?} where {dtype} {shape:?} was expected", tensor.dtype(), tensor.shape())))
-    }
-
-    fn check(&self, name: &str, bytes: &[u8]) -> Result<(), ModelError> {
-        if self.header.checksums.get(name) == Some(&crc32fast::hash(bytes)) {
-            return Ok(());
-        }
-        Err(self.invalid(format!("tensor `{name}` does not match its checksum")))
-    }
-
-    fn small(&self, tensors: &SafeTensors<'_>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<u8>, ModelError> {
-        let tensor = self.tensor(tensors, name)?;
-        self.expect(&tensor, name, dtype, shape)?;
-        self.check(name, tensor.data())?;
-        Ok(tensor.data().to_vec())
-    }
-
-    fn floats(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
-        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F32, shape)?))
-    }
-
-    /// Symmetric matrices that are stored as lower triangles, `count` of `size` × `size`.
-    fn symmetric(&self, tensors: &SafeTensors<'_>, name: &str, count: usize, size: usize) -> Result<Vec<f32>, ModelError> {
-        Ok(unpack(&self.floats(tensors, name, &[count, packed(size)])?, size))
-    }
-
-    fn doubles(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, ModelError> {
-        Ok(bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F64, shape)?))
-    }
-
-    fn halves(&self, tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f16>, ModelError> {
-        let values: Vec<f16> = bytemuck::allocation::pod_collect_to_vec(&self.small(tensors, name, Dtype::F16, shape)?);
-        if values.iter().all(|v| v.is_finite()) {
-            return Ok(values);
-        }
-        Err(self.invalid(format!("tensor `{name}` holds a value that is not a number")))
-    }
-
-    fn view_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<ViewDensities, ModelError> {
-        let (m, cells) = (metadata.classes.len(), Pooling::new(metadata.dims).count());
-        let size = self.tensor(tensors, "view_basis")?.shape().get(1).copied().unwrap_or(0);
-        if size == 0 || size > cells {
-            return Err(self.invalid(format!("tensor `view_basis` has {size} columns where 1 to {cells} were expected")));
-        }
-        let triangle = packed(size);
-        let densities = ViewDensities {
-            size,
-            basis: self.halves(tensors, "view_basis", &[cells, size])?,
-            means: self.halves(tensors, "view_mean", &[DIRECTIONS, m, size])?,
-            whitening: self.halves(tensors, "view_whitening", &[DIRECTIONS, m, triangle])?,
-            regression: self.halves(tensors, "view_regression", &[DIRECTIONS, m, 3, size])?,
-        };
-        self.check_factors("view_whitening", &densities.whitening, size)?;
-        Ok(densities)
-    }
-
-    fn camera_densities(&self, tensors: &SafeTensors<'_>, metadata: &Metadata) -> Result<Option<CameraDensities>, ModelError> {
-        let elevations = &metadata.settings.camera_elevations_deg;
-        if elevations.is_empty() {
-            return Ok(None);
-        }
-        let size = self.tensor(tensors, "camera_basis")?.shape().get(1).copied().unwrap_or(0);
-        if size == 0 || size > CELLS {
-            return Err(self.invalid(format!("tensor `camera_basis` has {size} columns where 1 to {CELLS} were expected")));
-        }
-        let components = match metadata.camera_components.is_empty() {
-            true => (0..metadata.classes.len()).map(Component::upright).collect(),
-            false => metadata.camera_components.clone(),
-        };
-        let at = |rest: &[usize]| [&[elevations.len(), YAWS, components.len()], rest].concat();
-        let densities = CameraDensities {
-            components: components.clone(),
-            elevations: elevations.iter().map(|e| e.to_radians()).collect(),
-            size,
-            basis: self.halves(tensors, "camera_basis", &[CELLS, size])?,
-            means: self.halves(tensors, "camera_mean", &at(&[size]))?,
-            whitening: self.halves(tensors, "camera_whitening", &at(&[packed(size)]))?,
-            offsets: self.floats(tensors, "camera_offset", &at(&[OFFSETS]))?,
-            regression: self.halves(tensors, "camera_regression", &at(&[OFFSETS, size]))?,
-            deviations: self.floats(tensors, "camera_deviation", &at(&[OFFSETS]))?,
-        };
-        self.check_factors("camera_whitening", &densities.whitening, size)?;
-        if !densities.offsets.iter().all(|v| v.abs() < 1e3) || !densities.deviations.iter().all(|v| *v > 0.0 && *v < 1e3) {
-            return Err(self.invalid("tensor `camera_offset` or `camera_deviation` holds a value that is out of range"));
-        }
-        Ok(Some(densities))
-    }
-
-    /// Packed triangles have a positive diagonal.
-    fn check_factors(&self, name: &str, factors: &[f16], size: usize) -> Result<(), ModelError> {
-        let positive = |factor: &[f16]| (0..size).all(|i| factor[packed(i + 1) - 1] > f16::ZERO);
-        if factors.chunks_exact(packed(size)).all(positive) {
-            return Ok(());
-        }
-        Err(self.invalid(format!("tensor `{name}` has a diagonal that is not positive")))
-    }
+    Err(file.invalid(format!("tensor `{name}` has a diagonal that is not positive")))
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! A large part of a model file as it is read piece by piece: each piece is checked against its checksum once, and the pages that stay
 //! in memory are bounded.
 
-use super::mapping;
-use memmap2::Mmap;
+use super::mapping::{self, Mapped};
+use half::f16;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -14,12 +14,28 @@ const MAPPED_BESIDE: usize = 3;
 
 /// A part of a model file is not what was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the model file is damaged: {PIECE} bytes from byte {offset} of its basis on do not match their checksum; train it again or fetch a fresh copy"
-)]
-pub struct Damaged {
-    /// Where, in bytes from the start of the tensor.
-    pub offset: usize,
+pub enum Damaged {
+    /// It does not match its checksum.
+    #[error(
+        "the model file is damaged: {PIECE} bytes from byte {offset} of its basis on do not match their checksum; train it again or fetch a \
+         fresh copy"
+    )]
+    Checksum {
+        /// Where, in bytes from the start of the tensor.
+        offset: usize,
+    },
+    /// It is as it was written, and useless.
+    #[error(
+        "the model cannot be used: {PIECE} bytes from byte {offset} of its basis on hold a value that is not a number; train it again or \
+         fetch a fresh copy"
+    )]
+    NotANumber {
+        /// Where, in bytes from the start of the tensor.
+        offset: usize,
+    },
+    /// The file was rewritten or cut after it was mapped.
+    #[error("the model file was changed while it was in use: replace it by renaming another over it, as `mv` does, and reload it")]
+    Changed,
 }
 
 /// Checksums by piece, and which have been compared.
@@ -38,6 +54,11 @@ pub fn checksums(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks(PIECE).map(crc32fast::hash).collect()
 }
 
+/// Whether bytes are half-precision numbers, little-endian, that are finite.
+fn is_finite(bytes: &[u8]) -> bool {
+    bytes.chunks_exact(2).all(|pair| f16::from_le_bytes([pair[0], pair[1]]).is_finite())
+}
+
 impl FirstTouch {
     /// Nothing has been read.
     pub fn new(checksums: Vec<u32>) -> Self {
@@ -51,15 +72,27 @@ impl FirstTouch {
     }
 
     /// Checks the pieces that hold the bytes `range` of `tensor`, which lies in `file`, unless they have been.
-    pub fn touch(&self, file: &Mmap, tensor: &Range<usize>, range: Range<usize>) -> Result<(), Damaged> {
+    pub fn touch(&self, file: &Mapped, tensor: &Range<usize>, range: Range<usize>) -> Result<(), Damaged> {
         let bytes = &file[tensor.clone()];
         let most = self.most.load(Ordering::Relaxed);
         for piece in range.start / PIECE..range.end.div_ceil(PIECE) {
             // Two threads may both check a piece: the outcome is the same.
             if !self.checked[piece].load(Ordering::Acquire) {
                 let within = piece * PIECE..((piece + 1) * PIECE).min(bytes.len());
-                if crc32fast::hash(&bytes[within.clone()]) != self.checksums[piece] {
-                    return Err(Damaged { offset: within.start });
+                // Before, as what was cut raises a signal; after, as what was read would be of another file.
+                if !file.is_unchanged() {
+                    return Err(Damaged::Changed);
+                }
+                let (offset, read) = (within.start, &bytes[within]);
+                let (checksum, finite) = (crc32fast::hash(read), is_finite(read));
+                if !file.is_unchanged() {
+                    return Err(Damaged::Changed);
+                }
+                if checksum != self.checksums[piece] {
+                    return Err(Damaged::Checksum { offset });
+                }
+                if !finite {
+                    return Err(Damaged::NotANumber { offset });
                 }
                 self.checked[piece].store(true, Ordering::Release);
             }
@@ -81,16 +114,32 @@ impl FirstTouch {
 mod tests {
     use super::*;
 
-    fn mapped(bytes: &[u8]) -> (tempfile::NamedTempFile, Mmap) {
+    fn mapped(bytes: &[u8]) -> (tempfile::NamedTempFile, Mapped) {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
-        let map = mapping::map(&std::fs::File::open(file.path()).unwrap()).unwrap();
+        let map = mapping::map(std::fs::File::open(file.path()).unwrap().into()).unwrap();
         (file, map)
     }
 
     #[test]
+    fn what_is_cut_rewritten_or_no_number_is_found_when_it_is_touched() {
+        let mut bytes = vec![0; 4 * PIECE];
+        // An infinity, little-endian, as if it had been written.
+        bytes[2 * PIECE + 6..2 * PIECE + 8].copy_from_slice(&[0x00, 0x7c]);
+        let tensor = 0..bytes.len();
+        let (file, map) = mapped(&bytes);
+        let first_touch = FirstTouch::new(checksums(&bytes));
+        assert_eq!(first_touch.touch(&map, &tensor, 0..PIECE), Ok(()));
+        assert_eq!(first_touch.touch(&map, &tensor, 2 * PIECE..3 * PIECE), Err(Damaged::NotANumber { offset: 2 * PIECE }));
+        let writer = std::fs::OpenOptions::new().write(true).open(file.path()).unwrap();
+        writer.set_len(PIECE as u64).unwrap();
+        assert_eq!(first_touch.touch(&map, &tensor, 3 * PIECE..4 * PIECE), Err(Damaged::Changed));
+        assert_eq!(first_touch.touch(&map, &tensor, 0..PIECE), Ok(()), "what was read before is not looked at again");
+    }
+
+    #[test]
     fn what_is_damaged_is_found_when_it_is_touched_and_not_before() {
-        let mut bytes: Vec<u8> = (0..5 * PIECE + 100).map(|i| (i * 7919 % 251) as u8).collect();
+        let mut bytes: Vec<u8> = (0..5 * PIECE + 100).map(|i| (i * 7919 % 121) as u8).collect();
         // The tensor lies behind other bytes.
         let tensor = 10..bytes.len();
         let checksums = checksums(&bytes[tensor.clone()]);
@@ -101,14 +150,14 @@ mod tests {
         for range in [0..0, 0..1, 0..3 * PIECE, 4 * PIECE..5 * PIECE + 90] {
             assert_eq!(first_touch.touch(&map, &tensor, range), Ok(()));
         }
-        let damaged = Err(Damaged { offset: 3 * PIECE });
+        let damaged = Err(Damaged::Checksum { offset: 3 * PIECE });
         assert_eq!(first_touch.touch(&map, &tensor, 3 * PIECE - 1..3 * PIECE + 1), damaged);
         assert_eq!(first_touch.touch(&map, &tensor, 4 * PIECE - 1..4 * PIECE), damaged);
     }
 
     #[test]
     fn pages_beyond_the_bound_are_given_back_and_come_again() {
-        let bytes: Vec<u8> = (0..64 * PIECE).map(|i| (i / PIECE * 3 + i) as u8).collect();
+        let bytes: Vec<u8> = (0..64 * PIECE).map(|i| ((i / PIECE * 3 + i) % 121) as u8).collect();
         let (_file, map) = mapped(&bytes);
         let tensor = 0..bytes.len();
         let first_touch = FirstTouch::new(checksums(&bytes));

@@ -11,6 +11,7 @@ mod first_touch;
 mod footprint;
 mod mapping;
 mod metadata;
+mod opened;
 mod view_density;
 
 pub use basis::Basis;

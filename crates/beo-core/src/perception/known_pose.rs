@@ -1,9 +1,9 @@
 //! Class scores of an observation in the pose in which it came, by every method.
 
+use super::basis::known::Known;
 use super::densities::blend::Scores;
 use super::densities::gaussian::Gaussian;
 use super::densities::log_sum::softmax;
-use super::evidence::known::Known;
 use super::evidence::placed::EvidenceModel;
 use super::evidence::subspace::Conditional;
 use super::prepared::Prepared;

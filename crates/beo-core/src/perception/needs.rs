@@ -32,8 +32,8 @@ pub fn workspace_bytes(outline: &Outline) -> usize {
     voxels * 7 + outline.levels.iter().map(workspace_bytes).sum::<usize>()
 }
 
-/// Whether W' is read where it lies in the file: its pages can be given back at any time.
-pub(super) fn is_read_in_place(outline: &Outline) -> bool {
+/// Whether W' is read where it lies, without tables made of it.
+fn is_read_in_place(outline: &Outline) -> bool {
     !levels_of(outline.metadata.dims).is_empty()
 }
 

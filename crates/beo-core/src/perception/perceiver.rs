@@ -2,23 +2,18 @@
 //!
 //! Each stage is a type with scratch memory of its own, which hands a value to the next; this file is the only one that knows them all.
 
-use super::camera::camera_search::{CameraScratch, CameraSearch, is_viewed};
+use super::camera::camera_search::is_viewed;
 use super::completion::completing::{Completion, CompletionScratch, Value};
-use super::densities::log_sum::softmax;
-use super::evidence::placed::{EvidenceModel, EvidenceScratch, ObjectFrame};
-use super::known_pose::{ClassPosteriors, KnownPose, KnownPoseScratch, ProjectionScratch};
-use super::needs::{derived_bytes, is_read_in_place, require, workspace_bytes};
-use super::paper::pose::PaperSearch;
-use super::pool::Pool;
-use super::pose::full::{FullScratch, FullSearch};
-use super::pose::levels::{LevelScratch, LevelSearch};
-use super::pose::posterior::Modes;
-use super::pose::yaw_search::{YawScratch, YawSearch};
-use super::prepared::{Prepared, Search};
-use super::scored::{Scored, decide};
-use super::timings::Clock;
-use super::{Method, PerceiveError, Percept, PoseSearch, Query};
-use crate::grid::{Observation, Placed};
+use super::error::PerceiveError;
+#[cfg(test)]
+use super::evidence::placed::EvidenceModel;
+use super::evidence::placed::EvidenceScratch;
+use super::levels::{Level, LevelScratch, LevelSearch};
+use super::needs::{derived_bytes, require, workspace_bytes};
+use super::one_grid::{OneGrid, OneGridScratch};
+use super::percept::Percept;
+use super::query::{Method, PoseSearch, Query};
+use crate::grid::Observation;
 use crate::memory;
 use crate::model::{Model, load, outline};
 use std::path::Path;
@@ -26,32 +21,17 @@ use std::sync::Arc;
 
 /// A model prepared for queries. Shared between threads; each brings its own [`Workspace`].
 pub struct Perceiver {
-    pub(super) prepared: Prepared,
-    pub(super) search: Search,
+    pub(super) grid: OneGrid,
+    /// Smaller grids on which poses are searched instead, from the smallest on.
+    levels: Vec<Level>,
 }
 
 /// Scratch memory of one thread: of each stage of the road.
 pub struct Workspace {
-    clock: Clock,
-    /// Read: the observation as it came, and taken apart in the frame that is looked at; in the object's once that is decided.
-    seen: Observation,
-    frame: ObjectFrame,
-    /// Score: which classes take part, the scores, and memory of each kind of search.
-    wanted: Vec<bool>,
-    scored: Scored,
-    projection: ProjectionScratch,
-    posteriors: ClassPosteriors,
-    known_pose: KnownPoseScratch,
-    yaw: YawScratch,
-    full: FullScratch,
-    camera: CameraScratch,
-    paper: Pool<ObjectFrame>,
+    grid: OneGridScratch,
     levels: Vec<LevelScratch>,
     /// Of a model with smaller grids: evidence on its own.
     fine: Option<EvidenceScratch>,
-    /// Decide.
-    modes: Modes,
-    /// Complete.
     completion: CompletionScratch,
 }
 
@@ -70,8 +50,8 @@ impl Perceiver {
     /// # Errors
     /// [`PerceiveError::Model`] if a covariance of the model cannot be factorised.
     pub fn new(model: Arc<Model>) -> Result<Self, PerceiveError> {
-        let (prepared, search) = Prepared::new(model)?;
-        Ok(Self { prepared, search })
+        let levels = model.levels().iter().map(|level| Level::new(model.dims(), level)).collect::<Result<_, _>>()?;
+        Ok(Self { grid: OneGrid::new(model)?, levels })
     }
 
     /// Loads a model file and prepares it for queries, after asking whether there is memory for both: without it, the system would
@@ -90,8 +70,8 @@ impl Perceiver {
     pub fn open_within(path: &Path, most: Option<u64>) -> Result<Self, PerceiveError> {
         let outline = outline(path)?;
         let derived = (derived_bytes(&outline) + workspace_bytes(&outline)) as u64;
-        // Pages of a file that is read in place can be given back at any time.
-        let in_place = if is_read_in_place(&outline) { outline.basis_bytes } else { 0 };
+        // Pages of a file that is mapped can be given back at any time.
+        let in_place = if outline.is_mapped() { outline.basis_bytes } else { 0 };
         let needed = outline.bytes().saturating_sub(in_place).saturating_add(derived);
         require(path, needed, memory::available())?;
         if let Some(most) = most
@@ -108,38 +88,26 @@ impl Perceiver {
 
     /// The model.
     pub fn model(&self) -> &Arc<Model> {
-        &self.prepared.model
+        &self.grid.prepared.model
     }
 
     /// The mean of a class at one voxel, as learned: not clamped to \[0, 1\].
     pub fn class_mean(&self, class: usize, voxel: usize) -> f32 {
-        self.prepared.evidence.subspaces[class].mean(voxel)
+        self.grid.prepared.evidence.subspaces[class].mean(voxel)
     }
 
     /// The classes as Gaussians over voxels.
+    #[cfg(test)]
     pub(crate) fn evidence(&self) -> &EvidenceModel {
-        &self.prepared.evidence
+        &self.grid.prepared.evidence
     }
 
     /// Scratch memory for queries.
     pub fn workspace(&self) -> Workspace {
-        let (dims, levels) = (self.model().dims(), self.search.levels());
         Workspace {
-            clock: Clock::start(),
-            seen: Observation::unknown(dims),
-            frame: ObjectFrame::new(dims),
-            wanted: vec![false; self.prepared.classes()],
-            scored: Scored::default(),
-            projection: ProjectionScratch::new(self.model().rank()),
-            posteriors: ClassPosteriors::new(&self.prepared.evidence),
-            known_pose: KnownPoseScratch::default(),
-            yaw: YawScratch::default(),
-            full: FullScratch::default(),
-            camera: CameraScratch::default(),
-            paper: Pool::default(),
-            levels: levels.iter().map(LevelScratch::new).collect(),
-            fine: (!levels.is_empty()).then(|| EvidenceScratch::new(dims)),
-            modes: Modes::default(),
+            grid: self.grid.scratch(),
+            levels: self.levels.iter().map(LevelScratch::new).collect(),
+            fine: (!self.levels.is_empty()).then(|| EvidenceScratch::new(self.model().dims())),
             completion: CompletionScratch::default(),
         }
     }
@@ -162,88 +130,23 @@ impl Perceiver {
         if observation.dims() != dims {
             return Err(PerceiveError::Dims { found: observation.dims(), expected: dims });
         }
-        self.search.check(query)?;
-        work.start(observation, query);
-        if let (Search::OnLevels(levels), Some(fine)) = (&self.search, &mut work.fine)
-            && (query.pose != PoseSearch::Known || is_viewed(query, self.search.has_cameras()))
-        {
-            let search = LevelSearch { prepared: &self.prepared, levels, query };
-            search.answer(&work.seen, &mut work.levels, fine, &mut work.clock, percept)?;
-            work.frame.take_moved(&self.prepared.evidence.rows, &work.seen, &percept.placed, query.outside)?;
-        } else {
-            work.frame.take_as_it_came(&self.prepared.evidence.rows, &work.seen)?;
-            self.score(query, work)?;
-            decide(query, &work.scored, &mut work.modes, percept);
-            if query.pose != PoseSearch::Known || percept.placed != Placed::default() {
-                work.frame.take_moved(&self.prepared.evidence.rows, &work.seen, &percept.placed, query.outside)?;
-                work.posteriors.forget();
+        let Workspace { grid, levels, fine, .. } = work;
+        grid.start(observation, query);
+        let has_cameras = self.levels.first().map_or(self.grid.has_cameras(), |level| level.grid.has_cameras());
+        match fine {
+            Some(fine) if query.pose != PoseSearch::Known || is_viewed(query, has_cameras) => {
+                let search = LevelSearch { evidence: &self.grid.prepared.evidence, levels: &self.levels, query };
+                search.answer(&grid.seen, levels, fine, &mut grid.clock, percept)?;
+                grid.frame.take_moved(&self.grid.prepared.evidence.rows, &grid.seen, &percept.placed, query.outside)?;
             }
+            _ => self.grid.answer(query, grid, percept)?,
         }
         if query.method == Method::Paper {
-            self.prepared.paper.project(work.frame.known(), query.projection, &mut work.projection.projected)?;
+            self.grid.prepared.paper.project(grid.frame.known(), query.projection, &mut grid.projection.projected)?;
         }
-        work.clock.posed();
-        percept.timings = work.clock.timings;
+        grid.clock.posed();
+        percept.timings = grid.clock.timings;
         Ok(Classified { perceiver: self, query, work, percept })
-    }
-
-    /// Scores classes and poses of what was read, and refines them.
-    fn score(&self, query: &Query, work: &mut Workspace) -> Result<(), PerceiveError> {
-        let Workspace { clock, seen, frame, wanted, scored: out, projection, posteriors, .. } = work;
-        let prepared = &self.prepared;
-        out.start(prepared.classes(), !frame.known().filled.is_empty());
-        if let (Search::Here(here), true) = (&self.search, out.informed)
-            && is_viewed(query, here.cameras.is_some())
-        {
-            let model = &prepared.model.metadata;
-            let search = CameraSearch {
-                evidence: &prepared.evidence,
-                evidence_blend: &model.calibration.evidence,
-                longest_side: model.settings.longest_side,
-                cameras: here.cameras.as_ref(),
-                query,
-                wanted,
-            };
-            search.score(seen, &mut work.camera, clock, out)?;
-            if out.informed {
-                return Ok(());
-            }
-        }
-        if !out.informed {
-            out.scores.resize(prepared.classes(), 0.0);
-            out.posterior.extend((0..prepared.classes()).map(|s| query.log_prior(s)));
-            softmax(&mut out.posterior);
-        }
-        let view = prepared.view_of(query, seen);
-        match (query.pose, &self.search) {
-            (PoseSearch::Known, _) if out.informed => {
-                let stage = KnownPose { prepared, query, view };
-                stage.score(frame.known(), &mut work.known_pose, projection, posteriors, clock, out)?;
-            }
-            (PoseSearch::Yaw { .. } | PoseSearch::Full, Search::Here(_)) if query.method == Method::Paper && out.informed => {
-                PaperSearch { prepared, query, wanted, pool: &work.paper }.score(seen, clock, out)?;
-            }
-            (PoseSearch::Yaw { span }, Search::Here(here)) => {
-                let search = YawSearch { prepared, here, query, wanted, view, span };
-                search.score(seen, frame, &mut work.yaw, projection, posteriors, clock, out)?;
-            }
-            (PoseSearch::Full, Search::Here(here)) => {
-                FullSearch { prepared, here, query, wanted, view }.score(seen, frame.known(), &work.full, clock, out)?;
-            }
-            (_, _) => {}
-        }
-        clock.classified();
-        Ok(())
-    }
-}
-
-impl Workspace {
-    /// Takes in an observation, and forgets what was known of the one before.
-    fn start(&mut self, observation: &Observation, query: &Query) {
-        self.clock = Clock::start();
-        self.seen.clone_from(observation);
-        self.posteriors.forget();
-        self.wanted.iter_mut().enumerate().for_each(|(class, wanted)| *wanted = query.log_prior(class) > f64::NEG_INFINITY);
     }
 }
 
@@ -260,7 +163,7 @@ impl Classified<'_> {
     pub fn complete(self) -> Result<(), PerceiveError> {
         let (mut occupancy, mut deviation) = (std::mem::take(&mut self.percept.occupancy), std::mem::take(&mut self.percept.deviation));
         for values in [&mut occupancy, &mut deviation] {
-            values.resize(self.work.seen.dims().voxels(), 0.0);
+            values.resize(self.work.grid.seen.dims().voxels(), 0.0);
         }
         let Self { perceiver, query, work, percept } = self;
         let outcome = Classified { perceiver, query, work, percept: &mut *percept }.complete_into(&mut occupancy, &mut deviation);
@@ -276,9 +179,10 @@ impl Classified<'_> {
     /// # Panics
     /// If there is not one value per voxel.
     pub fn complete_into<V: Value>(self, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
-        let Workspace { seen, frame, projection, posteriors, completion, .. } = self.work;
+        let Workspace { grid, completion, .. } = self.work;
+        let OneGridScratch { seen, frame, projection, posteriors, .. } = grid;
         let completion = Completion {
-            prepared: &self.perceiver.prepared,
+            prepared: &self.perceiver.grid.prepared,
             query: self.query,
             seen,
             frame,

@@ -1,31 +1,7 @@
-//! A query about one observation, and the percept that answers it.
+//! The percept that answers a query.
 
-use crate::grid::{Outside, Placed, Rotation, View};
-use crate::perception::{Hypothesis, Method, PaperPose, PoseSearch, Projection, RotationPrior, Timings};
-use nalgebra::Vector3;
-
-/// In which frame a completion is wanted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Frame {
-    /// The observation's grid, so that it can be laid over what was seen.
-    #[default]
-    Grid,
-    /// The canonical orientation of the training shapes.
-    Object,
-}
-
-/// Knowledge of the object's size and of its place in the grid.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum ScaleSearch {
-    /// They are those of the training shapes: the grid lies about the object as theirs do.
-    #[default]
-    Known,
-    /// The place is to be found, and the size unless it is told.
-    Search {
-        /// The object's longest side, in voxels of the grid.
-        side: Option<f64>,
-    },
-}
+use crate::grid::{Placed, Rotation};
+use crate::perception::timings::Timings;
 
 /// The box about the object, along its own axes, as a camera's view and the search for size and place give it. Lengths in voxels of the
 /// observation's grid.
@@ -39,45 +15,15 @@ pub struct ObjectBox {
     pub position_deviation_voxels: [f64; 3],
 }
 
-/// A question about one observation.
-#[derive(Clone, Debug, Default)]
-pub struct Query {
-    /// The estimator.
-    pub method: Method,
-    /// Knowledge of the rotation.
-    pub pose: PoseSearch,
-    /// P(r) over the rotations that are searched.
-    pub rotation_prior: RotationPrior,
-    /// Content of the space outside the grid: it enters when the observation is turned.
-    pub outside: Outside,
-    /// From where the object was seen; `None`: found out from the observation.
-    pub view: Option<View>,
-    /// Where the camera was, in voxels from the grid's centre along its axes, if it was one.
-    pub camera: Option<Vector3<f64>>,
-    /// Knowledge of the object's size and place.
-    pub scale: ScaleSearch,
-    /// Before a turn about z, the object may rest in any of the poses that the model knows of its class; else it stands upright. Of what a
-    /// camera sees.
-    pub lying: bool,
-    /// Edge of a voxel of the observation, metres, if it is known: true sizes then count.
-    pub voxel_size_m: Option<f64>,
-    /// log P(s) per class, up to a constant; empty for a uniform prior. Classes with −∞ are left out.
-    pub log_prior: Vec<f64>,
-    /// Whether the hidden part is asked for.
-    pub completion: bool,
-    /// The frame of the completion.
-    pub frame: Frame,
-    /// How the paper's method projects.
-    pub projection: Projection,
-    /// How the paper's method finds the pose.
-    pub paper_pose: PaperPose,
-}
-
-impl Query {
-    /// log P(s) of a class, up to a constant.
-    pub(super) fn log_prior(&self, class: usize) -> f64 {
-        self.log_prior.get(class).copied().unwrap_or(0.0)
-    }
+/// How the object may be turned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hypothesis {
+    /// From object axes to grid axes.
+    pub rotation: Rotation,
+    /// The class that this pose belongs to.
+    pub class: usize,
+    /// Posterior probability of this class, turned so or nearly so.
+    pub probability: f64,
 }
 
 /// The answer. Vectors are reused from query to query.

@@ -3,13 +3,14 @@
 use super::basis::projection::ColumnSums;
 use super::basis::reading::BasisRows;
 use super::camera::CameraScores;
-use super::camera::camera_search::is_viewed;
 use super::densities::gaussian::{CommonDensity, Gaussian};
+use super::error::PerceiveError;
 use super::evidence::placed::EvidenceModel;
+use super::evidence::subspace::ClassSubspace;
 use super::paper::PaperModel;
-use super::pose::view_scores::ViewScores;
-use super::{PerceiveError, Perceiver, PoseSearch, Query};
-use crate::grid::{Observation, Shrinking};
+use super::query::Query;
+use super::views::view_scores::ViewScores;
+use crate::grid::Observation;
 use crate::linear::LinearError;
 use crate::model::{CameraCalibration, Model, Searched};
 use rayon::prelude::*;
@@ -24,16 +25,6 @@ pub(crate) struct Prepared {
     pub paper: PaperModel,
 }
 
-/// With what poses are searched.
-pub(crate) enum Search {
-    /// Of a model whose own grid is searched.
-    Here(Box<Here>),
-    /// On smaller grids, from the smallest on.
-    OnLevels(Vec<Level>),
-    /// They must be known.
-    KnownPoseOnly,
-}
-
 /// Tables that a search on the model's own grid reads.
 pub(crate) struct Here {
     /// Prefix sums of W'.
@@ -46,50 +37,17 @@ pub(crate) struct Here {
     pub cameras: Option<(CameraScores, CameraCalibration)>,
 }
 
-/// A smaller grid.
-pub(crate) struct Level {
-    pub shrinking: Shrinking,
-    pub perceiver: Perceiver,
-}
-
-impl Search {
-    /// The smaller grids.
-    pub fn levels(&self) -> &[Level] {
-        match self {
-            Self::OnLevels(levels) => levels,
-            Self::Here(_) | Self::KnownPoseOnly => &[],
-        }
-    }
-
-    /// Whether there are densities of what cameras see.
-    pub fn has_cameras(&self) -> bool {
-        match self {
-            Self::Here(here) => here.cameras.is_some(),
-            Self::OnLevels(levels) => levels.first().is_some_and(|level| level.perceiver.search.has_cameras()),
-            Self::KnownPoseOnly => false,
-        }
-    }
-
-    /// Fails for a query that such a model cannot answer.
-    pub fn check(&self, query: &Query) -> Result<(), PerceiveError> {
-        match self {
-            Self::KnownPoseOnly if query.pose != PoseSearch::Known || is_viewed(query, false) => Err(PerceiveError::KnownPoseOnly),
-            _ => Ok(()),
-        }
-    }
-}
-
 impl Prepared {
-    /// Derives what queries need.
-    pub fn new(model: Arc<Model>) -> Result<(Self, Search), PerceiveError> {
+    /// Derives what queries need; the second only of a model that is searched on its own grid.
+    pub fn new(model: Arc<Model>) -> Result<(Self, Option<Here>), PerceiveError> {
         let dims = model.dims();
         let hulls = (0..model.views().len())
             .map(|v| model.classes.par_iter().map(|c| Gaussian::new(&c.hulls[v].mean, &c.hulls[v].covariance)).collect())
             .collect::<Result<_, _>>()?;
         let rows = BasisRows::new(dims, &model.basis, model.footprint());
-        let subspaces = model.classes.iter().map(|class| rows.class(class)).collect();
-        let search = match (&model.searched, &rows) {
-            (Searched::Here { views, cameras }, BasisRows::Derived { sums, .. }) => Search::Here(Box::new(Here {
+        let subspaces = model.classes.iter().map(|class| ClassSubspace::of(&rows, class)).collect();
+        let here = match (&model.searched, &rows) {
+            (Searched::Here { views, cameras }, BasisRows::Derived { sums, .. }) => Some(Here {
                 sums: sums.clone(),
                 common: (0..model.views().len()).map(|v| common_density(&model, v)).collect::<Result<_, _>>()?,
                 views: ViewScores::new(dims, views.clone()),
@@ -97,18 +55,12 @@ impl Prepared {
                     .as_ref()
                     .zip(model.metadata.calibration.camera.as_ref())
                     .map(|(densities, calibration)| (CameraScores::new(densities.clone()), calibration.clone())),
-            })),
-            (Searched::OnLevels { levels, .. }, _) => {
-                let level = |level: &Model| {
-                    Ok(Level { shrinking: Shrinking::new(dims, level.dims()), perceiver: Perceiver::new(Arc::new(level.clone()))? })
-                };
-                Search::OnLevels(levels.iter().map(level).collect::<Result<_, PerceiveError>>()?)
-            }
-            (Searched::Here { .. } | Searched::KnownPoseOnly { .. }, _) => Search::KnownPoseOnly,
+            }),
+            (Searched::Here { .. } | Searched::OnLevels { .. } | Searched::KnownPoseOnly { .. }, _) => None,
         };
         let noise_variance = model.metadata.noise_variance * model.metadata.calibration.noise_inflation;
         let evidence = EvidenceModel { rows, subspaces, noise_variance };
-        Ok((Self { paper: PaperModel::new(model.clone()), evidence, hulls, model }, search))
+        Ok((Self { paper: PaperModel::new(model.clone()), evidence, hulls, model }, here))
     }
 
     /// Number of classes.

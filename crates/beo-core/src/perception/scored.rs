@@ -1,8 +1,6 @@
-//! Scores as the decision takes them over, and the decision: class, pose hypotheses and how the object lies.
+//! Scores of classes and poses, as the decision takes them over.
 
-use super::densities::log_sum::most_probable;
-use super::pose::posterior::{Modes, Sample};
-use super::{Hypothesis, ObjectBox, Percept, PoseSearch, Query};
+use super::percept::ObjectBox;
 use crate::grid::{Placed, Rotation};
 
 /// Which classes take part, one value per class.
@@ -10,6 +8,19 @@ pub(super) type ClassMask = [bool];
 
 /// Rotations of a class within this of a mode belong to it, radians.
 pub(super) const MODE_RADIUS: f64 = 15.0 / 180.0 * std::f64::consts::PI;
+
+/// A rotation of a class that stands for those around it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// From object axes to grid axes.
+    pub rotation: Rotation,
+    /// The class.
+    pub class: usize,
+    /// Logarithm of the density at this rotation, up to a constant within the class.
+    pub log_density: f64,
+    /// Share of the searched rotations that it stands for.
+    pub share: f64,
+}
 
 /// The scores of classes and poses. Keeps its memory from query to query.
 #[derive(Default)]
@@ -42,40 +53,4 @@ impl Scored {
         self.placement = None;
         self.resting_pose = None;
     }
-}
-
-/// Decides: writes the most probable class, the modes of the posterior over class and pose, and how the object lies.
-pub(super) fn decide(query: &Query, scored: &Scored, modes: &mut Modes, percept: &mut Percept) {
-    percept.informed = scored.informed;
-    (percept.none_probability, percept.fit, percept.resting_pose) = (None, None, scored.resting_pose);
-    percept.scores.clear();
-    // A class that was left out has no score: zero, not minus infinity.
-    percept.scores.extend(scored.scores.iter().map(|score| if score.is_finite() { *score } else { 0.0 }));
-    percept.posterior.clone_from(&scored.posterior);
-    percept.log_evidence.clone_from(&scored.log_evidence);
-    let class = most_probable(&percept.posterior);
-    percept.class = class;
-    if scored.samples.is_empty() {
-        percept.rotation_spread_rad = 0.0;
-        percept.hypotheses.clear();
-        percept.hypotheses.push(Hypothesis { rotation: Rotation::identity(), class, probability: percept.posterior[class] });
-    } else {
-        let averaged = !matches!(query.pose, PoseSearch::Full);
-        percept.rotation_spread_rad = modes.hypotheses(&scored.samples, &percept.posterior, MODE_RADIUS, averaged, &mut percept.hypotheses);
-    }
-    percept.object_box = None;
-    if let Some((placed, object_box)) = scored.placement {
-        // The hypothesis that was refined says so.
-        let near = percept.hypotheses.iter_mut().filter(|h| h.class == class);
-        if let Some(nearest) = near.min_by(|a, b| a.rotation.angle_to(&placed.rotation).total_cmp(&b.rotation.angle_to(&placed.rotation))) {
-            nearest.rotation = placed.rotation;
-        }
-        (percept.rotation, percept.placed, percept.object_box) = (placed.rotation, placed, Some(object_box));
-        return;
-    }
-    percept.rotation = match query.pose {
-        PoseSearch::Known => Rotation::identity(),
-        _ => percept.hypotheses.iter().find(|h| h.class == class).map_or(Rotation::identity(), |h| h.rotation),
-    };
-    percept.placed = Placed::turned(percept.rotation);
 }

@@ -10,7 +10,7 @@
 //!
 //! Lengths are in metres here; [`super::Conditions`] has them as shares of the object's longest side.
 
-use super::Conditions;
+use super::conditions::Conditions;
 use rand::{Rng, RngExt};
 
 /// A kind of depth sensor.

@@ -1,13 +1,10 @@
 //! Where the aligned shapes of a class come to lie: about the origin of the unit cube, along its axes.
 
-use super::Settings;
+use super::settings::{LONGEST, Settings};
 use super::solid::{Solid, principal};
 use super::transform::Similarity;
 use beo_core::grid::Rotation;
 use nalgebra::{Matrix3, Vector3};
-
-/// Mean of the shapes' longest sides, as a share of the cube's: the 24 voxels of 30 that other shapes take.
-pub const LONGEST: f64 = 0.8;
 
 /// What takes aligned shapes to the unit cube, one similarity for all: the longest principal axis of the mean shape along x, the shortest along
 /// z; the half turns that leaves open are chosen so that the shapes reach out farther towards +x and +y; with up kept, the longer horizontal axis along x. Then the mean of the longest

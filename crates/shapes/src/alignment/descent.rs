@@ -9,8 +9,8 @@
 //! - A round after which the entropy, at the same mean scale and place, is not lower is undone. After a round that gains next to nothing all steps
 //!   are halved.
 
-use super::Settings;
 use super::objective::Stack;
+use super::settings::Settings;
 use super::solid::{Level, Solid};
 use super::transform::{Pose, Similarity, Steps};
 use nalgebra::Vector3;

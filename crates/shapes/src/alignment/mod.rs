@@ -15,13 +15,14 @@ mod canonical;
 mod descent;
 mod flips;
 mod objective;
+mod settings;
 mod solid;
 mod start;
 mod transform;
 mod tree;
 
-pub use canonical::LONGEST;
 pub use objective::binary_entropy;
+pub use settings::{LONGEST, Settings};
 pub use solid::{Solid, grid_point};
 pub use transform::Similarity;
 
@@ -29,23 +30,6 @@ use beo_core::grid::Rotation;
 use descent::Stage;
 use objective::Stack;
 use solid::Level;
-
-/// How shapes are aligned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
-    /// Cells along the unit cube in which the entropy is measured.
-    pub resolution: usize,
-    /// Shapes are turned about z only. Use this for things that stand.
-    pub keep_up: bool,
-    /// Seed of the choice of the shapes that tell which way round the others are meant, where there are many.
-    pub seed: u64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { resolution: 40, keep_up: false, seed: 0 }
-    }
-}
 
 /// A way of placing all shapes, and how well they agree then.
 #[derive(Clone, Debug)]

@@ -1,6 +1,7 @@
 //! A shape as the objective sees it: smooth occupancy that can be sampled anywhere, and the moments that normalise its pose.
 
-use super::{LONGEST, Similarity};
+use super::settings::LONGEST;
+use super::transform::Similarity;
 use crate::{Content, Mesh, voxelise};
 use beo_core::grid::{Dims, Occupancy};
 use beo_core::linear;

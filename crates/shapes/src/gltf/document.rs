@@ -1,8 +1,10 @@
 //! The parts of a glTF document that geometry needs, and its buffers.
 
-use super::Beside;
 use serde::Deserialize;
 use std::borrow::Cow;
+
+/// Gives the bytes of a file beside the document, whose name has been checked to lead nowhere else; in words, why not.
+pub(crate) type Beside<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, String>;
 
 /// Extensions that may be required without changing the geometry that is read.
 const HARMLESS: [&str; 4] = ["KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_", "EXT_texture_webp"];

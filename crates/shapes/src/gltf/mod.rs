@@ -7,10 +7,10 @@ mod accessor;
 mod document;
 mod scene;
 
-use self::document::Document;
+use self::document::{Beside, Document};
+use super::content::Content;
 use super::lines::without_mark;
 use super::polygon::Surface;
-use super::read::Content;
 use super::{FormatError, Mesh};
 use beo_core::text::printable;
 
@@ -26,9 +26,6 @@ fn error(problem: impl AsRef<str>) -> FormatError {
 fn byte_error(byte: usize, problem: impl Into<String>) -> FormatError {
     FormatError::Byte { format: FORMAT, byte, problem: problem.into() }
 }
-
-/// Gives the bytes of a file beside the document, whose name has been checked to lead nowhere else; in words, why not.
-pub(super) type Beside<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, String>;
 
 /// Reads a glTF or GLB file's bytes as a mesh, y up as in the file; all its bytes must be in the file.
 ///

@@ -1,6 +1,6 @@
 //! Bottles: a body, round or flat, a shoulder, a neck and a cap.
 
-use super::Random;
+use super::random::Random;
 use super::solid::{Ring, Solid};
 
 /// What a bottle is drawn from: ranges, metres and ratios.

@@ -1,7 +1,8 @@
 //! Cans from flat to tall, tubes, and cups without a handle; some of them lying.
 
+use super::random::Random;
 use super::solid::{Ring, Solid};
-use super::{Random, vessel};
+use super::vessel;
 use nalgebra::Point3;
 
 /// Typical cans, metres: diameter, height.

@@ -1,6 +1,7 @@
 //! Boxes of cardboard, and books: standing on any side.
 
-use super::{Random, Solid};
+use super::random::Random;
+use super::solid::Solid;
 
 /// Typical boxes, metres, longest side first.
 const TYPICAL: [[f64; 3]; 12] = [

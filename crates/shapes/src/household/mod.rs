@@ -16,15 +16,16 @@
 mod bottle;
 mod can;
 mod carton;
+mod random;
 mod solid;
 mod tray;
 mod vessel;
 
 use super::{Mesh, longest_side, voxelise};
 use beo_core::grid::{Dims, Occupancy};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use solid::Solid;
+use random::Random;
 
 /// The classes that [`mesh`] and [`make`] know, sorted.
 pub const CLASSES: [&str; 7] = ["bottle", "bowl", "box", "can", "cutlery_box", "mug", "plate"];
@@ -52,27 +53,6 @@ pub fn mesh(class: &str, rng_seed: u64) -> Option<Mesh> {
 /// and open stays hollow.
 pub fn make(class: &str, dims: Dims, rng_seed: u64) -> Option<Occupancy> {
     Some(voxelise(&mesh(class, rng_seed)?, dims, longest_side(dims)))
-}
-
-struct Random(ChaCha8Rng);
-
-impl Random {
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        self.0.random_range(low..high)
-    }
-
-    fn chance(&mut self, probability: f64) -> bool {
-        self.0.random_range(0.0..1.0) < probability
-    }
-
-    fn one_of<T: Copy>(&mut self, things: &[T]) -> T {
-        things[self.0.random_range(0..things.len())]
-    }
-
-    /// Log-uniform: every factor is as probable as any other.
-    fn about(&mut self, low: f64, high: f64) -> f64 {
-        self.within(low.ln(), high.ln()).exp()
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Cutlery boxes: open trays with compartments.
 
-use super::{Random, Solid};
+use super::random::Random;
+use super::solid::Solid;
 
 /// A tray with walls, one to five compartments side by side along x, and sometimes one across at an end.
 pub(super) fn cutlery_box(r: &mut Random) -> Solid {

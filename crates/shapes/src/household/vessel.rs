@@ -1,6 +1,6 @@
 //! Open vessels: mugs, bowls and plates. A wall of even thickness about a curve.
 
-use super::Random;
+use super::random::Random;
 use super::solid::{Ring, Solid};
 
 /// A vessel of revolution whose outside follows `curve` (radius, height; upwards, from the edge of its bottom to its rim), with a wall

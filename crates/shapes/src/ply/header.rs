@@ -1,7 +1,7 @@
 //! The header of a PLY file: encoding, elements and their properties.
 
-use super::payload::Entries;
-use super::{FORMAT, FormatError, error};
+use super::error::{FORMAT, error};
+use crate::FormatError;
 use crate::lines::{Lines, found, whole, words};
 use beo_core::text::printable;
 
@@ -89,6 +89,16 @@ pub(super) struct Element {
     pub properties: Vec<Property>,
 }
 
+/// Everything after the header.
+pub(super) struct Payload<'a> {
+    pub encoding: Encoding,
+    pub bytes: &'a [u8],
+    /// Byte of the file at which it begins.
+    pub offset: usize,
+    /// The same as text.
+    pub lines: Lines<'a>,
+}
+
 /// The header.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Header {
@@ -104,8 +114,8 @@ fn name(word: &[u8]) -> String {
 }
 
 impl Header {
-    /// The header, and the entries after it.
-    pub fn read(bytes: &[u8]) -> Result<(Self, Entries<'_>), FormatError> {
+    /// The header, and the payload after it.
+    pub fn read(bytes: &[u8]) -> Result<(Self, Payload<'_>), FormatError> {
         let mut lines = Lines::of(bytes, FORMAT)?;
         let first = lines.next().map(|(_, line)| line).unwrap_or_default();
         if first.trim_ascii() != b"ply" {
@@ -153,7 +163,7 @@ impl Header {
                     let file_ends_in_both = bytes.iter().position(|b| *b == b'\r').is_some_and(|at| bytes.get(at + 1) == Some(&b'\n'));
                     let payload = if ends_in_return && !file_ends_in_both { &before[text.len() + 1..] } else { lines.rest() };
                     let offset = bytes.len() - payload.len();
-                    return Ok((Self { elements }, Entries::new(encoding, payload, offset, lines)));
+                    return Ok((Self { elements }, Payload { encoding, bytes: payload, offset, lines }));
                 }
                 Some(word) => {
                     let problem = format!("expected format, comment, element, property or end_header, {}", found(Some(word)));

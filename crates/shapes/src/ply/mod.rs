@@ -3,21 +3,17 @@
 //!
 //! Coordinates written as text are read in double precision, whatever type the header names.
 
+mod error;
 mod header;
 mod payload;
 
+use self::error::{FORMAT, error};
 use self::header::{Element, Header, Property, Scalar};
-use self::payload::Values;
+use self::payload::{Entries, Values};
+use super::content::Content;
 use super::polygon::{Place, Surface};
-use super::read::Content;
 use super::{FormatError, Mesh};
 use nalgebra::Point3;
-
-const FORMAT: &str = "PLY";
-
-fn error(problem: impl Into<String>) -> FormatError {
-    FormatError::File { format: FORMAT, problem: beo_core::text::printable(&problem.into()) }
-}
 
 /// Reads a PLY file's bytes as a mesh.
 ///
@@ -29,7 +25,8 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Mesh, FormatError> {
 
 /// Reads a PLY file's bytes.
 pub(super) fn read_ply(bytes: &[u8]) -> Result<Content, FormatError> {
-    let (header, mut entries) = Header::read(bytes)?;
+    let (header, payload) = Header::read(bytes)?;
+    let mut entries = Entries::new(payload);
     let mut vertices: Option<Vec<Point3<f64>>> = None;
     let mut outlines = Outlines::default();
     for element in &header.elements {

@@ -1,8 +1,10 @@
 //! The entries of a PLY file, one at a time: as text or as bytes.
 
-use super::header::{Element, Encoding, Number, Scalar};
-use super::{FORMAT, FormatError, Place, error};
+use super::error::{FORMAT, error};
+use super::header::{Element, Encoding, Number, Payload, Scalar};
+use crate::FormatError;
 use crate::lines::{Lines, found, found_index, number, whole, words};
+use crate::polygon::Place;
 
 /// The values of one entry, as double-precision numbers, which hold every type exactly.
 #[derive(Debug, Default)]
@@ -45,12 +47,13 @@ pub(super) struct Entries<'a> {
 }
 
 impl<'a> Entries<'a> {
-    /// Those of `payload`, which starts at byte `offset` of the file; as text, the `lines` from there.
-    pub fn new(encoding: Encoding, payload: &'a [u8], offset: usize, lines: Lines<'a>) -> Self {
+    /// Those of `payload`.
+    pub fn new(payload: Payload<'a>) -> Self {
+        let Payload { encoding, bytes: rest, offset, lines } = payload;
         let source = match encoding {
             Encoding::Text => Source::Text(lines),
-            Encoding::LittleEndian => Source::Bytes { rest: payload, offset, is_big: false },
-            Encoding::BigEndian => Source::Bytes { rest: payload, offset, is_big: true },
+            Encoding::LittleEndian => Source::Bytes { rest, offset, is_big: false },
+            Encoding::BigEndian => Source::Bytes { rest, offset, is_big: true },
         };
         Self { source, values: Values::default() }
     }

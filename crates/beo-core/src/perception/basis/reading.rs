@@ -1,9 +1,10 @@
 //! How W' is read: from tables that are derived from it and kept, or in place, where these would be many times its size.
 
+use super::known::Known;
+use super::projection::ColumnSums;
+use super::shared_rows::SharedRows;
 use crate::grid::{Dims, Observation};
-use crate::model::{Basis, ClassModel, Damaged, Footprint};
-use crate::perception::evidence::known::Known;
-use crate::perception::{ClassSubspace, ColumnSums, SharedRows};
+use crate::model::{Basis, Damaged, Footprint};
 use fixedbitset::FixedBitSet;
 use std::sync::Arc;
 
@@ -36,14 +37,6 @@ impl BasisRows {
         match self {
             Self::Derived { dims, .. } => *dims,
             Self::InPlace(rows) => rows.dims(),
-        }
-    }
-
-    /// A class, ready for queries that are taken apart by [`Self::take_apart`].
-    pub fn class(&self, class: &ClassModel) -> ClassSubspace {
-        match self {
-            Self::Derived { dims, basis, .. } => ClassSubspace::new(*dims, basis, class),
-            Self::InPlace(rows) => ClassSubspace::shared(rows, class),
         }
     }
 

@@ -4,10 +4,11 @@
 //! of any class follows (its directions are combinations of the columns of W'), and the sum over the filled ones. The sum over the
 //! hull, its projection (eq. 5), comes with them. Rows outside the footprint of the training shapes are zero and are never read.
 
+use super::columns::BlockScratch;
+use super::known::Known;
+use super::shared_sums::SharedSums;
 use crate::grid::{Dims, Observation, Outside, Rotation, for_each_run, nearest};
 use crate::model::{Basis, Damaged, Footprint};
-use crate::perception::completion::prediction::Scratch;
-use crate::perception::evidence::known::Known;
 use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch};
 use crate::perception::kernels::row_gram::{AddGram, packed, packed_len, span};
 use fixedbitset::FixedBitSet;
@@ -30,18 +31,6 @@ pub struct SharedRows {
     support: FixedBitSet,
     /// Gram matrix of [W', 1] over all voxels, packed lower triangle.
     gram: Vec<f64>,
-}
-
-/// Sums over the part of W' that one observation selects; reused from query to query.
-#[derive(Clone, Debug, Default)]
-pub struct SharedSums {
-    /// Gram matrix of [W', 1] over the unknown voxels, packed lower triangle.
-    pub unknown: Vec<f64>,
-    /// Sum of the rows of [W', 1] over the filled voxels.
-    pub filled: Vec<f64>,
-    /// Unknown and filled voxels inside the footprint.
-    unknown_bits: FixedBitSet,
-    filled_bits: FixedBitSet,
 }
 
 /// Sums over some voxels.
@@ -197,14 +186,14 @@ impl SharedRows {
     /// The components of the voxels of a column from `z` on, a multiple of [`LANES`], into the scratch memory; `false`: all are zero, and
     /// nothing was loaded.
     #[inline(always)]
-    pub(in crate::perception) fn load(&self, column: usize, z: usize, scratch: &mut Scratch) -> bool {
+    pub(in crate::perception) fn load(&self, column: usize, z: usize, scratch: &mut BlockScratch) -> bool {
         let first = column * self.dims.z() + z;
         let end = (first + LANES).min((column + 1) * self.dims.z());
         if !any(&self.support, first..end) {
             return false;
         }
         let a = self.rank();
-        let Scratch { shared: block, rows, .. } = scratch;
+        let BlockScratch { shared: block, rows, .. } = scratch;
         rows.resize(LANES * a, 0.0);
         self.basis.widen(first..end, &mut rows[..(end - first) * a]);
         rows[(end - first) * a..].fill(0.0);
@@ -364,7 +353,7 @@ mod tests {
             let mut projected = vec![0.0; a];
             rows.project(&known.hull, &mut projected);
             projected.iter().zip(&hull).for_each(|(a, b)| assert!((a - b).abs() < 1e-2));
-            let mut scratch = Scratch::default();
+            let mut scratch = BlockScratch::default();
             for column in 0..dims.columns() {
                 for z in [0, 16] {
                     let loaded = rows.load(column, z, &mut scratch);

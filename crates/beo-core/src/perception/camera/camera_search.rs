@@ -10,14 +10,14 @@ use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFS
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::percept::{ObjectBox, ScaleSearch};
 use crate::perception::pool::Pool;
-use crate::perception::pose::merging::Merging;
-use crate::perception::pose::posterior::Sample;
+use crate::perception::scored::Sample;
 use crate::perception::scored::{ClassMask, MODE_RADIUS, Scored};
+use crate::perception::search::merging::Merging;
 use crate::perception::settings::CAMERA;
 use crate::perception::timings::Clock;
 use crate::perception::{Method, PerceiveError, PoseSearch, Query};
+use crate::perception::{ObjectBox, ScaleSearch};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;

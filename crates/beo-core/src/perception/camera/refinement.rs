@@ -1,7 +1,7 @@
 //! How an upright object lies in what a camera sees, refined: yaw, size and place, coarse to fine along one axis after the other, from
 //! where the view's density expects it.
 
-use crate::perception::pose::climb::{Neighbours, climb, parabola};
+use crate::perception::search::climb::{Neighbours, climb, parabola};
 
 /// Yaw (radians), logarithm of the scale (units per voxel), place x, y, z (units), all in the view's frame.
 pub type Parameters = [f64; 5];

@@ -2,13 +2,13 @@
 
 use super::voxels::{self, Complete, Part, Unknown};
 use crate::grid::{ALONE, Observation, Placed, Turn};
+use crate::perception::basis::known::Known;
 use crate::perception::basis::reading::BasisRows;
-use crate::perception::evidence::known::Known;
 use crate::perception::evidence::placed::ObjectFrame;
 use crate::perception::kernels::lanes::{dispatch, dot};
 use crate::perception::known_pose::ClassPosteriors;
-use crate::perception::percept::Frame;
 use crate::perception::prepared::Prepared;
+use crate::perception::query::Frame;
 use crate::perception::{Method, PerceiveError, Percept, PoseSearch, Query};
 use rayon::prelude::*;
 use std::ops::Range;

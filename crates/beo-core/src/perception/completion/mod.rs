@@ -4,10 +4,8 @@
 //! | --- | --- |
 //! | `completing` | the completion of what was classified, in the frame that was asked for |
 //! | `voxels` | from the posteriors of the likely classes to one probability and one deviation per voxel |
-//! | `prediction` | posterior mean and variance of blocks of voxels |
 
 pub(crate) mod completing;
-pub mod prediction;
 pub mod voxels;
 
 pub use completing::{LEAST_SHARE, MOST_PARTS, Value};

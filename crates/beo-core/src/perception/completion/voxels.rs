@@ -2,7 +2,8 @@
 //! evidence's posterior mean).
 
 use crate::model::CompletionCalibration;
-use crate::perception::completion::prediction::{Posterior, Scratch};
+use crate::perception::basis::columns::BlockScratch;
+use crate::perception::evidence::prediction::Posterior;
 use crate::perception::evidence::subspace::ClassSubspace;
 use crate::perception::kernels::lanes::{self, Kernel, LANES, Lanes};
 
@@ -97,7 +98,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
     /// Calls `each` for all blocks, ascending.
     #[inline(always)]
     fn for_each_block<const FUSED: bool>(&self, mut each: impl FnMut(&Block)) {
-        let mut scratch = Scratch::default();
+        let mut scratch = BlockScratch::default();
         let mut runs = self.runs.iter().peekable();
         while let Some(&&(start, _)) = runs.peek() {
             // All runs that touch this block: the last of them may go on in the next.
@@ -127,7 +128,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
     }
 
     #[inline(always)]
-    fn block<const FUSED: bool>(&self, column: usize, z: usize, depth: Lanes, scratch: &mut Scratch) -> Block {
+    fn block<const FUSED: bool>(&self, column: usize, z: usize, depth: Lanes, scratch: &mut BlockScratch) -> Block {
         let zero = [0.0; LANES];
         let mut block = Block { first: column * self.height + z, mean: zero, variance: zero, class_mean: zero, depth };
         for part in self.parts.clone() {

@@ -4,12 +4,12 @@
 //! In the canonical grid a voxel stands for scale³ of those that were observed, so that log evidence relative to the background, times
 //! scale³, speaks of the same data whatever the scale.
 
-use super::known::Known;
 use super::subspace::{ClassSubspace, Conditional};
 use crate::grid::{Dims, Observation, Outside, Placed, Rotation, Turn};
 use crate::linear::LinearError;
 use crate::model::Damaged;
 use crate::perception::PerceiveError;
+use crate::perception::basis::known::Known;
 use crate::perception::basis::reading::BasisRows;
 use rayon::prelude::*;
 

@@ -5,14 +5,17 @@
 //! cheaper than the same in the shared basis. Of the voxels it needs the Gram matrix of [W_s, μ_s, 1] over the unknown ones
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
+use super::prediction::{Posterior, Predicted};
 use crate::grid::Dims;
 use crate::linear::{LinearError, cholesky_rows, dot64, symmetric_eigen};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
+use crate::perception::basis::columns::{BlockScratch, Columns};
+use crate::perception::basis::known::Known;
+use crate::perception::basis::reading::BasisRows;
 use crate::perception::basis::rows::Rows;
-use crate::perception::basis::shared_rows::{SharedRows, SharedSums};
+use crate::perception::basis::shared_rows::SharedRows;
+use crate::perception::basis::shared_sums::SharedSums;
 use crate::perception::basis::tiles::{TileGrams, Tiling};
-use crate::perception::completion::prediction::{Columns, Posterior, Predicted, Scratch};
-use crate::perception::evidence::known::Known;
 use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
 use crate::perception::kernels::row_gram::{AddGram, packed, packed_len};
 use faer::linalg::matmul::matmul;
@@ -169,6 +172,14 @@ impl ClassSubspace {
         Self { size: k, rows: ClassRows::Derived { rows, columns, tiles }, scales: roots(&class.variances), gram }
     }
 
+    /// A class, ready for queries that are taken apart by [`BasisRows::take_apart`].
+    pub fn of(rows: &BasisRows, class: &ClassModel) -> Self {
+        match rows {
+            BasisRows::Derived { dims, basis, .. } => Self::new(*dims, basis, class),
+            BasisRows::InPlace(rows) => Self::shared(rows, class),
+        }
+    }
+
     /// The same class, without anything derived over voxels: observations are summed by [`SharedRows::sum`] before.
     pub fn shared(rows: &Arc<SharedRows>, class: &ClassModel) -> Self {
         let (a, k) = (rows.rank(), class.variances.len());
@@ -229,7 +240,7 @@ impl ClassSubspace {
         posterior: &Posterior,
         column: usize,
         z: usize,
-        scratch: &mut Scratch,
+        scratch: &mut BlockScratch,
     ) -> Predicted {
         match &self.rows {
             ClassRows::Derived { columns, .. } => {
@@ -486,7 +497,6 @@ impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
 mod tests {
     use super::*;
     use crate::grid::Observation;
-    use crate::perception::completion::prediction::Scratch;
     use half::f16;
 
     #[test]
@@ -577,7 +587,7 @@ mod tests {
             let cross: Vec<f64> = known.iter().map(|v| covariance(voxel, *v)).collect();
             let mean = voxel_mean(voxel) + cross.iter().zip(&weighted).map(|(c, w)| c * w).sum::<f64>();
             let explained: f64 = (0..n).map(|i| (0..n).map(|j| cross[i] * precision[(i, j)] * cross[j]).sum::<f64>()).sum();
-            let predicted = subspace.predict::<false>(&conditional.posterior, voxel / 8, 0, &mut Scratch::default());
+            let predicted = subspace.predict::<false>(&conditional.posterior, voxel / 8, 0, &mut BlockScratch::default());
             let (m, v) = (predicted.mean[voxel % 8], predicted.variance[voxel % 8]);
             assert!((f64::from(m) - mean).abs() < 1e-3, "{m} {mean}");
             assert!((f64::from(v) - (covariance(voxel, voxel) - explained)).abs() < 1e-3, "{v}");

@@ -9,10 +9,10 @@ pub mod pose;
 pub mod projection;
 
 use super::PerceiveError;
+use super::basis::known::Known;
 use super::densities::gaussian::Gaussian;
-use super::evidence::known::Known;
-use crate::model::Model;
-use projection::Projection;
+use super::query::Projection;
+use crate::model::{Basis, Model};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
@@ -29,6 +29,11 @@ impl PaperModel {
     /// Of a model.
     pub fn new(model: Arc<Model>) -> Self {
         Self { model, densities: OnceLock::new(), gram: OnceLock::new() }
+    }
+
+    /// W'.
+    pub fn basis(&self) -> &Basis {
+        &self.model.basis
     }
 
     /// o'_q (eq. 18), into `out` (a values).

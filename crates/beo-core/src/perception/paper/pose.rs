@@ -6,38 +6,21 @@
 use super::PaperModel;
 use super::projection;
 use crate::grid::{Observation, Placed, Rotation, distance_transform, yaw};
+use crate::perception::PerceiveError;
+use crate::perception::basis::reading::BasisRows;
 use crate::perception::densities::gaussian::Gaussian;
 use crate::perception::densities::log_sum::{log_sum_exp, softmax};
 use crate::perception::evidence::placed::ObjectFrame;
 use crate::perception::kernels::lanes::dot;
 use crate::perception::pool::Pool;
-use crate::perception::pose::grid::{count_for, rotations};
-use crate::perception::pose::posterior::Sample;
-use crate::perception::prepared::Prepared;
-use crate::perception::scored::{ClassMask, Scored};
+use crate::perception::query::{PaperPose, PoseSearch, Query};
+use crate::perception::scored::{ClassMask, Sample, Scored};
+use crate::perception::search::grid::{count_for, rotations};
 use crate::perception::settings::PAPER;
 use crate::perception::timings::Clock;
-use crate::perception::{PerceiveError, PoseSearch, Query};
 use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-
-/// The paper's estimators of pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PaperPose {
-    /// Coarse by the error of distance transforms (eq. 20), then fine by density (eq. 21). With one class only, by its density
-    /// alone (eq. 12), as in section IV-B.
-    #[default]
-    Edt,
-    /// Density alone (eqs. 12, 21): the paper finds it unreliable where class and pose are both unknown.
-    Density,
-    /// Least distance between query and back-projection on the known voxels (eq. 11).
-    Distance,
-    /// The same relative to the query's length (eq. 19).
-    Reprojection,
-}
 
 /// A candidate and its scores.
 struct ScoredRotation {
@@ -50,7 +33,8 @@ struct ScoredRotation {
 
 /// The paper's search over poses.
 pub struct PaperSearch<'a> {
-    pub prepared: &'a Prepared,
+    pub model: &'a PaperModel,
+    pub rows: &'a BasisRows,
     pub query: &'a Query,
     pub wanted: &'a ClassMask,
     pub pool: &'a Pool<ObjectFrame>,
@@ -60,7 +44,7 @@ impl PaperSearch<'_> {
     /// Class posterior and weighted rotations by the paper's estimators.
     pub fn score(&self, seen: &Observation, clock: &mut Clock, out: &mut Scored) -> Result<(), PerceiveError> {
         let query = self.query;
-        let m = self.prepared.classes();
+        let m = self.wanted.len();
         let wanted = self.wanted.iter().filter(|wanted| **wanted).count();
         let estimator = match query.paper_pose {
             PaperPose::Edt if wanted == 1 => PaperPose::Density,
@@ -121,12 +105,12 @@ impl PaperSearch<'_> {
     }
 
     fn look(&self, rotation: Rotation, estimator: PaperPose, prior: f64, seen: &Observation) -> Result<ScoredRotation, PerceiveError> {
-        let rows = &self.prepared.evidence.rows;
+        let rows = self.rows;
         self.pool.with(
             || ObjectFrame::new(rows.dims()),
             |frame| {
                 frame.take_moved(rows, seen, &Placed::turned(rotation), self.query.outside)?;
-                self.look_moved(rotation, estimator, prior, &self.prepared.paper, frame)
+                self.look_moved(rotation, estimator, prior, self.model, frame)
             },
         )
     }
@@ -167,7 +151,7 @@ impl PaperSearch<'_> {
 
     /// Eq. 20 on the known voxels: ‖D − D̂‖, D of the filled voxels, D̂ of the back-projection's voxels of at least ½.
     fn distance_error(&self, turned: &Observation, projected: &[f32]) -> f64 {
-        let (dims, basis) = (self.prepared.model.dims(), &self.prepared.model.basis);
+        let (dims, basis) = (self.rows.dims(), self.model.basis());
         let mut row = vec![0.0; basis.rank()];
         let mut predicted = FixedBitSet::with_capacity(dims.voxels());
         for voxel in 0..dims.voxels() {

@@ -6,27 +6,10 @@
 
 use crate::linear::{LinearError, cholesky, solve_cholesky};
 use crate::model::Basis;
-use crate::perception::evidence::known::Known;
+use crate::perception::basis::known::Known;
+use crate::perception::query::Projection;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
-use serde::{Deserialize, Serialize};
-
-/// How A o' = b (eq. 15) is solved.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Projection {
-    /// The lasso of eq. 18 with this λ, by coordinate descent from zero.
-    Lasso(f64),
-    /// (A + ρ I) o' = b with this ρ.
-    Ridge(f64),
-}
-
-impl Default for Projection {
-    /// The paper's λ.
-    fn default() -> Self {
-        Projection::Lasso(1e-5)
-    }
-}
 
 /// Coordinate descent ends when no coefficient moves by more than this share of the largest one …
 const TOLERANCE: f64 = 5e-3;

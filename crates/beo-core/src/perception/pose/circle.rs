@@ -9,9 +9,9 @@
 //!
 //! Where the object is expected somewhere, the search begins there as well, and elsewhere steps of 15° do.
 
-use super::climb::{Neighbours, climb, parabola};
-use super::posterior::Sample;
 use crate::grid::{Rotation, yaw};
+use crate::perception::scored::Sample;
+use crate::perception::search::climb::{Neighbours, climb, parabola};
 use crate::perception::settings::YAW;
 use std::f64::consts::TAU;
 

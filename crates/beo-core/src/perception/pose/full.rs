@@ -7,20 +7,20 @@
 //! Its settings stand in `settings`. Of objects held out of ModelNet10, the right mode was among the first eight of the known class for
 //! 95 % of the views; what is wrong after that is the ranking of look-alike sides.
 
-use super::grid::{count_for, rotations};
 use super::modes::{Candidate, Mode, modes};
-use super::posterior::Sample;
 use super::refine::{RefineScratch, Refined, Refiner};
-use super::view_scores::{CELLS, Screen};
 use crate::grid::{HeightMap, Observation, Placed, Rotation};
+use crate::perception::basis::known::Known;
 use crate::perception::densities::log_sum::{log_sum_exp, softmax};
-use crate::perception::evidence::known::Known;
 use crate::perception::evidence::placed::{Evidence, EvidenceScratch};
 use crate::perception::pool::Pool;
 use crate::perception::prepared::{Here, Prepared};
+use crate::perception::scored::Sample;
 use crate::perception::scored::{ClassMask, Scored};
+use crate::perception::search::grid::{count_for, rotations};
 use crate::perception::settings::FULL;
 use crate::perception::timings::Clock;
+use crate::perception::views::view_scores::{CELLS, Screen};
 use crate::perception::{Method, PerceiveError, Query};
 use rayon::prelude::*;
 
@@ -343,13 +343,12 @@ mod tests {
     use super::*;
     use crate::grid::{Turn, View};
     use crate::perception::pose::small::{model, perceiver, unseen};
-    use crate::perception::prepared::Search;
 
     /// Against the same score at every rotation of a grid of 8° steps.
     #[test]
     fn the_best_of_exhaustive_scoring_is_among_the_modes() {
-        let Search::Here(here) = &perceiver().search else { panic!("a model that is searched itself") };
-        let prepared = &perceiver().prepared;
+        let prepared = &perceiver().grid.prepared;
+        let here = perceiver().grid.here.as_ref().expect("a model that is searched itself");
         let query = Query::default();
         let search = FullSearch { prepared, here, query: &query, wanted: &[true; 3], view: Some(0) };
         let prior = Prior { log_density: &|_| 0.0, hints: Vec::new(), wanted: &[true; 3] };

@@ -1,7 +1,7 @@
 //! Peaks among scored rotations, and the mean rotation of what lies around them.
 
-use super::merging::Merging;
 use crate::grid::{Rotation, mean_rotation};
+use crate::perception::search::merging::Merging;
 
 /// Rotations within this of a better one belong to its mode.
 const RADIUS: f64 = 25.0 / 180.0 * std::f64::consts::PI;

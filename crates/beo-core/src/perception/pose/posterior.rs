@@ -1,7 +1,9 @@
 //! The posterior over class and rotation, as weighted samples, and what is published of it: a few hypotheses and a spread.
 
-use super::merging::Merging;
 use crate::grid::{Rotation, mean_rotation};
+use crate::perception::percept::Hypothesis;
+use crate::perception::scored::Sample;
+use crate::perception::search::merging::Merging;
 
 /// Most hypotheses of an answer.
 pub const MOST_HYPOTHESES: usize = 8;
@@ -10,30 +12,6 @@ pub const MOST_HYPOTHESES: usize = 8;
 const TOP_DEPTH: f64 = 1.0;
 /// … and this near to it, in radians, are averaged.
 const TOP_RADIUS: f64 = 8.0 / 180.0 * std::f64::consts::PI;
-
-/// How the object may be turned.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hypothesis {
-    /// From object axes to grid axes.
-    pub rotation: Rotation,
-    /// The class that this pose belongs to.
-    pub class: usize,
-    /// Posterior probability of this class, turned so or nearly so.
-    pub probability: f64,
-}
-
-/// A rotation of a class that stands for those around it.
-#[derive(Clone, Copy, Debug)]
-pub struct Sample {
-    /// From object axes to grid axes.
-    pub rotation: Rotation,
-    /// The class.
-    pub class: usize,
-    /// Logarithm of the density at this rotation, up to a constant within the class.
-    pub log_density: f64,
-    /// Share of the searched rotations that it stands for.
-    pub share: f64,
-}
 
 /// Merges samples into modes. Keeps its memory from query to query.
 #[derive(Clone, Debug, Default)]

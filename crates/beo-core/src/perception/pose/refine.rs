@@ -7,13 +7,13 @@
 //!
 //! Known empty voxels need no sum: what is lost where the object is not hidden is lost on filled and unknown voxels.
 
-use super::climb::{Neighbours, climb};
 use crate::grid::{Dims, Observation, Outside, Placed, Rotation};
 use crate::perception::PerceiveError;
-use crate::perception::evidence::known::Known;
+use crate::perception::basis::known::Known;
 use crate::perception::evidence::placed::{Evidence, EvidenceModel, EvidenceScratch};
 use crate::perception::evidence::subspace::{ClassSubspace, Conditional};
 use crate::perception::pool::Pool;
+use crate::perception::search::climb::{Neighbours, climb};
 use nalgebra::{Unit, Vector3};
 use std::convert::Infallible;
 

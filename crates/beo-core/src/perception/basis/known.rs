@@ -1,8 +1,8 @@
 //! An observation taken apart: what estimators read of it (V_q and w_q of eq. 13), and its visual hull.
 
+use super::shared_sums::SharedSums;
+use super::tiles::{Division, Tiling};
 use crate::grid::{Dims, Observation, for_each_run};
-use crate::perception::basis::shared_rows::SharedSums;
-use crate::perception::basis::tiles::{Division, Tiling};
 use fixedbitset::FixedBitSet;
 
 /// The known and the unknown part of an observation; reused from query to query.

@@ -2,7 +2,7 @@
 
 use super::PoseSearch;
 use crate::grid::Rotation;
-use crate::perception::Percept;
+use crate::perception::percept::Percept;
 
 /// Concentrations beyond this (a spread of a fifth of a degree) are taken for this.
 const MOST_CONCENTRATED: f64 = 1e5;

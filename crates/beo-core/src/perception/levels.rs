@@ -1,16 +1,17 @@
 //! Poses on grids that are too large to be searched: class and pose are found on a small grid of the same space, and the rotation is
 //! refined by the evidence on the larger ones, around the best only.
 
-use super::Hypothesis;
-use super::climb::parabola;
-use crate::grid::{Counts, Observation, Rotation, yaw};
-use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::perceiver::Workspace;
-use crate::perception::percept::ScaleSearch;
-use crate::perception::prepared::{Level, Prepared};
-use crate::perception::timings::Clock;
-use crate::perception::{PerceiveError, Percept, PoseSearch, Query};
+use super::error::PerceiveError;
+use super::evidence::placed::{EvidenceModel, EvidenceScratch};
+use super::one_grid::{OneGrid, OneGridScratch};
+use super::percept::{Hypothesis, Percept};
+use super::query::{PoseSearch, Query, ScaleSearch};
+use super::search::climb::parabola;
+use super::timings::Clock;
+use crate::grid::{Counts, Dims, Observation, Rotation, Shrinking, yaw};
+use crate::model::Model;
 use nalgebra::{Unit, Vector3};
+use std::sync::Arc;
 
 /// Hypotheses of at least this probability are refined, up to [`MOST_REFINED`].
 const LEAST_REFINED: f64 = 0.05;
@@ -19,9 +20,22 @@ const MOST_REFINED: usize = 3;
 const SMALL_STEPS: [f64; 2] = [2.0, 0.7];
 const FULL_STEPS: [f64; 2] = [0.5, 0.2];
 
+/// A smaller grid of the same space, which is searched on its own.
+pub(super) struct Level {
+    pub shrinking: Shrinking,
+    pub grid: OneGrid,
+}
+
+impl Level {
+    /// Derives what queries need of a model's `level`; the model has `dims`.
+    pub fn new(dims: Dims, level: &Model) -> Result<Self, PerceiveError> {
+        Ok(Self { shrinking: Shrinking::new(dims, level.dims()), grid: OneGrid::new(Arc::new(level.clone()))? })
+    }
+}
+
 /// Scratch memory of a smaller grid.
-pub struct LevelScratch {
-    work: Workspace,
+pub(super) struct LevelScratch {
+    work: OneGridScratch,
     seen: Observation,
     counts: Counts,
     evidence: EvidenceScratch,
@@ -31,14 +45,15 @@ impl LevelScratch {
     /// Room for the observations of a level.
     pub fn new(level: &Level) -> Self {
         let dims = level.shrinking.dims();
-        let (work, seen) = (level.perceiver.workspace(), Observation::unknown(dims));
+        let (work, seen) = (level.grid.scratch(), Observation::unknown(dims));
         Self { work, seen, counts: Counts::default(), evidence: EvidenceScratch::new(dims) }
     }
 }
 
 /// The search on smaller grids.
-pub struct LevelSearch<'a> {
-    pub prepared: &'a Prepared,
+pub(super) struct LevelSearch<'a> {
+    /// Of the large grid.
+    pub evidence: &'a EvidenceModel,
     pub levels: &'a [Level],
     pub query: &'a Query,
 }
@@ -64,8 +79,10 @@ impl LevelSearch<'_> {
         };
         let on_level = Query { camera: self.query.camera.map(|at| at / factor), scale, completion: false, ..self.query.clone() };
         let started = clock.elapsed();
-        level.perceiver.classify(&small.seen, &on_level, &mut small.work, percept)?;
-        clock.timings = percept.timings;
+        small.work.start(&small.seen, &on_level);
+        level.grid.answer(&on_level, &mut small.work, percept)?;
+        small.work.clock.posed();
+        clock.timings = small.work.clock.timings;
         for stage in [&mut clock.timings.projected, &mut clock.timings.classified, &mut clock.timings.posed] {
             *stage += started;
         }
@@ -85,8 +102,8 @@ impl LevelSearch<'_> {
     /// the smallest.
     fn weigh_hypotheses(&self, scratch: &mut [LevelScratch], percept: &mut Percept) -> Result<(), PerceiveError> {
         let (Some(level), Some(small)) = (self.levels.last(), scratch.last_mut()) else { return Ok(()) };
-        let evidence = level.perceiver.evidence();
-        let weight = level.perceiver.model().metadata.calibration.evidence.evidence;
+        let evidence = &level.grid.prepared.evidence;
+        let weight = level.grid.prepared.model.metadata.calibration.evidence.evidence;
         let mut scores = Vec::with_capacity(percept.hypotheses.len());
         for Hypothesis { rotation, class, .. } in &percept.hypotheses {
             scores.push(weight * evidence.of_turned(&small.seen, rotation, self.query.outside, *class, &mut small.evidence)?.log_ratio);
@@ -133,10 +150,10 @@ impl LevelSearch<'_> {
                 Ok::<_, PerceiveError>(())
             };
             for (level, small) in self.levels.iter().zip(&mut *scratch).skip(1) {
-                refine(level.perceiver.evidence(), &small.seen, &mut small.evidence, SMALL_STEPS)?;
+                refine(&level.grid.prepared.evidence, &small.seen, &mut small.evidence, SMALL_STEPS)?;
             }
             if Some(n) == answered {
-                refine(&self.prepared.evidence, seen, fine, FULL_STEPS)?;
+                refine(self.evidence, seen, fine, FULL_STEPS)?;
                 (percept.rotation, percept.placed.rotation) = (hypothesis.rotation, hypothesis.rotation);
             }
         }

@@ -1,6 +1,7 @@
 //! Scores of classes and rotations for a view from above: log N(z; mean, S) of its hull features, for each direction of the
 //! object that may point up, and each turn in the plane by which the view is turned back first.
 
+use super::hull_features::HullFeatures;
 use super::viewpoint::{self, TURNS};
 use crate::grid::{Dims, HeightMap, Rotation, yaw};
 use crate::model::{DIRECTIONS, ViewDensities};
@@ -10,8 +11,6 @@ use half::slice::HalfFloatSliceExt;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::Arc;
-
-use super::hull_features::HullFeatures;
 
 /// Rotations that are scored: [`DIRECTIONS`] × [`TURNS`].
 pub const CELLS: usize = DIRECTIONS * TURNS;

@@ -2,30 +2,12 @@
 //! one column at a time.
 //!
 //! The variance of a voxel with row b is ‖S b‖² with a lower triangular S: L⁻¹Λ^½ in the class's own basis, and the factor of the same
-//! form in W' where that is read instead. Voxels of a column lie side by side, component by component, so that one value of S serves
-//! a whole block of them.
+//! form in W' where that is read instead. One value of S serves a whole block of voxels.
 
-use crate::grid::Dims;
-use crate::model::MOST_COMPONENTS;
-use crate::perception::basis::rows::Rows;
-use crate::perception::kernels::lanes::{LANES, Lanes, multiply_add, widen};
-use crate::perception::kernels::large_pages::collapse;
+use crate::perception::kernels::lanes::{LANES, Lanes, multiply_add};
 
 /// Rows of S that are multiplied together: enough sums at once to hide the latency of an addition.
 const GROUP: usize = 4;
-
-/// A class basis and mean over voxels, column by column.
-pub struct Columns {
-    /// k, the number of directions.
-    size: usize,
-    /// Blocks of a column; the last may be filled up with zeros.
-    blocks: usize,
-    /// `[column][block][component][lane]`, a block being [`LANES`] voxels, in the units of the rows; the last component is the
-    /// mean.
-    values: Vec<[i16; LANES]>,
-    /// Unit of the mean.
-    mean_unit: f32,
-}
 
 /// The posterior of a class as prediction reads it.
 #[derive(Clone, Debug, Default)]
@@ -35,22 +17,6 @@ pub struct Posterior {
     /// S, and below it the coefficients, for values in the units of the rows; by groups of [`GROUP`] rows: for each of their
     /// columns the values of these rows.
     factors: Vec<[f32; GROUP]>,
-}
-
-/// Memory for one block at a time.
-pub struct Scratch {
-    /// Components of the block's voxels, as [`Posterior::predict`] takes them: of a class's own basis, without an allocation …
-    own: [Lanes; MOST_COMPONENTS],
-    /// … and of W', which may have more, with the rows as they lie in memory.
-    pub shared: Vec<Lanes>,
-    /// Rows of W' as they lie in memory.
-    pub rows: Vec<f32>,
-}
-
-impl Default for Scratch {
-    fn default() -> Self {
-        Self { own: [[0.0; LANES]; MOST_COMPONENTS], shared: Vec::new(), rows: Vec::new() }
-    }
 }
 
 /// Of a block of voxels.
@@ -102,44 +68,6 @@ impl Posterior {
     }
 }
 
-impl Columns {
-    /// Rearranges `rows`, of which the first components are the k directions and the mean.
-    pub fn new(dims: Dims, size: usize, rows: &Rows) -> Self {
-        let blocks = dims.z().div_ceil(LANES);
-        let mut values = vec![[0; LANES]; dims.columns() * blocks * (size + 1)];
-        for (column, values) in values.chunks_exact_mut(blocks * (size + 1)).enumerate() {
-            for z in 0..dims.z() {
-                let block = &mut values[z / LANES * (size + 1)..];
-                let row = &rows.row(column * dims.z() + z)[..=size];
-                block.iter_mut().zip(row).for_each(|(block, value)| block[z % LANES] = *value);
-            }
-        }
-        collapse(&values);
-        Self { size, blocks, values, mean_unit: rows.scales()[size] }
-    }
-
-    /// Values that are kept of a class with `size` directions, 2 bytes each.
-    pub fn values(dims: Dims, size: usize) -> usize {
-        dims.columns() * (size + 1) * dims.z().next_multiple_of(LANES)
-    }
-
-    /// The components of the voxels of a column from `z` on, a multiple of [`LANES`], and their class means.
-    #[inline(always)]
-    pub fn load<'s>(&self, column: usize, z: usize, scratch: &'s mut Scratch) -> (&'s [Lanes], Lanes) {
-        let first = (column * self.blocks + z / LANES) * (self.size + 1);
-        let values = &self.values[first..=first + self.size];
-        let block = &mut scratch.own[..self.size];
-        for (row, values) in block.iter_mut().zip(values) {
-            *row = widen(values);
-        }
-        let mut class_mean = widen(&values[self.size]);
-        for value in &mut class_mean {
-            *value *= self.mean_unit;
-        }
-        (block, class_mean)
-    }
-}
-
 impl Posterior {
     /// Mean and variance of a block of voxels, given their components and class means.
     #[inline(always)]
@@ -174,6 +102,9 @@ impl Posterior {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::Dims;
+    use crate::perception::basis::columns::{BlockScratch, Columns};
+    use crate::perception::basis::rows::Rows;
     use proptest::prelude::*;
 
     proptest! {
@@ -191,7 +122,7 @@ mod tests {
             posterior.prepare(rows.scales(), &coefficients, s);
             for column in [0, 37, 63] {
                 for at in (0..z).step_by(LANES) {
-                    let mut scratch = Scratch::default();
+                    let mut scratch = BlockScratch::default();
                     let (block, class_mean) = columns.load(column, at, &mut scratch);
                     let found = posterior.predict::<false>(block, class_mean);
                     for l in 0..LANES.min(z - at) {
