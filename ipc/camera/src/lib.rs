@@ -49,6 +49,8 @@ mod support;
 mod supports;
 mod table_surface;
 mod tables;
+#[cfg(test)]
+mod test_scene;
 mod tracking;
 
 pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};

@@ -51,19 +51,17 @@ impl TableSurface {
         let (width, height) = (rays.width(), rays.height());
         let pixels = (0..height).step_by(stride).flat_map(|v| (0..width).step_by(stride).map(move |u| v * width + u));
         let points = pixels.filter(|pixel| depth[*pixel] > 0.0).map(|pixel| rays.point(pixel, depth[pixel]));
-        let near: Vec<(Vector2<f32>, f64)> = points
-            .map(|p| (view.see(&p), f64::from(normal.dot(&p) + offset)))
-            .filter(|(_, h)| h.abs() < MOST_BENT_M)
-            .collect();
+        let near: Vec<(Vector2<f32>, f64)> =
+            points.map(|p| (view.see(&p), f64::from(normal.dot(&p) + offset))).filter(|(_, h)| h.abs() < MOST_BENT_M).collect();
         let middle = near.iter().map(|(at, _)| at).sum::<Vector2<f32>>() / near.len().max(1) as f32;
         let scale = near.iter().map(|(at, _)| (at - middle).amax()).fold(0.05, f32::max);
         let mut table = Self { normal, offset, view, middle, scale, bend: [0.0; TERMS], outline: Vec::new(), deviation_m: 0.0 };
-        let rows: Vec<(Polynomial, f64, Vector2<f32>)> =
-            near.into_iter().map(|(at, h)| (table.terms(&at).map(f64::from), h, at)).collect();
+        let rows: Vec<(Polynomial, f64, Vector2<f32>)> = near.into_iter().map(|(at, h)| (table.terms(&at).map(f64::from), h, at)).collect();
         let mut bend = Polynomial::zeros();
         let mut reach = MOST_BENT_M;
         for _ in 0..ROUNDS {
-            let inner: Vec<&(Polynomial, f64, Vector2<f32>)> = rows.iter().filter(|(row, h, _)| (h - row.dot(&bend)).abs() < reach).collect();
+            let inner: Vec<&(Polynomial, f64, Vector2<f32>)> =
+                rows.iter().filter(|(row, h, _)| (h - row.dot(&bend)).abs() < reach).collect();
             let off: Vec<f32> = inner.iter().map(|(row, h, _)| (h - row.dot(&bend)).abs() as f32).collect();
             table.deviation_m = 1.4826 * percentile(&off, 0.5);
             if inner.len() < LEAST_READINGS {
@@ -138,7 +136,8 @@ mod tests {
         }
         assert!(table.deviation_m < 0.001);
         assert!(table.inside_by(&Vector3::new(0.0, 0.0, 0.9)) > 0.3 && table.inside_by(&Vector3::new(2.0, 0.0, 1.0)) < 0.0);
-        let empty = TableSurface::new(&rays, &vec![0.0; depth.len()], &Plane::new(Unit::new_normalize(-nalgebra::Vector3::z()), &Point3::origin()));
+        let empty =
+            TableSurface::new(&rays, &vec![0.0; depth.len()], &Plane::new(Unit::new_normalize(-nalgebra::Vector3::z()), &Point3::origin()));
         assert!(empty.height(&Vector3::new(0.0, 0.0, 1.0)).is_finite() && empty.inside_by(&Vector3::zeros()) < 0.0);
     }
 }

@@ -4,8 +4,8 @@
 //! space are one object: the far wall of a bowl and its near one.
 
 use crate::SensorModel;
-use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
 use crate::interior::enclosed;
+use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
 use crate::own_readings::{LocalSupport, Scene, percentile};
 use crate::plan_view::{area, convex_hull};
 use crate::rays::Rays;
@@ -51,6 +51,8 @@ const MEETING: usize = 3;
 /// is unseen.
 const WITHIN: f32 = 1.3;
 const WITHIN_DARK: f32 = 1.8;
+/// Two pieces that enclose a floor of this share of their readings are one vessel.
+const FLOOR_SHARE: f64 = 0.15;
 /// The floor of a vessel is lower above the table, metres.
 const FLOOR_M: f32 = 0.012;
 /// Points of a piece that are looked at.
@@ -96,8 +98,13 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
         standing.push(piece);
         next = next.saturating_add(1);
     }
-    let standing = bridged(rays, depth, &table, &heights, standing, &mut labels);
-    floors(rays, depth, sensor, &LocalSupport { plane: main.plane, deviation_m: f64::from(table.deviation_m) }, &heights, &standing, &mut labels);
+    let support = LocalSupport { plane: main.plane, deviation_m: f64::from(table.deviation_m) };
+    let mut floors = Floors { rays, depth, sensor, support, heights: &heights, state };
+    floors.state.fill(0);
+    let standing = bridged(&mut floors, &table, standing, &mut labels);
+    for (i, piece) in standing.iter().enumerate().filter(|(_, piece)| !piece.pixels.is_empty()) {
+        floors.within(&labels, &piece.pixels).iter().for_each(|pixel| labels[*pixel as usize] = i as u16 + 1);
+    }
     let size = [rays.width(), rays.height()];
     // Dark and glossy sides have no reading: they belong to the one object that they lie at.
     fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
@@ -105,25 +112,39 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     labels
 }
 
-/// Pieces of one object that a dark or glossy part without readings separates, or the near rim of a vessel, as one: both border on that
-/// part or on each other, and one stands within the other's outline on the table.
-fn bridged(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], standing: Vec<Piece>, labels: &mut [u16]) -> Vec<Piece> {
-    let outlines: Vec<Outline> = standing.iter().map(|piece| Outline::of(rays, depth, table, heights, piece)).collect();
+/// Pieces of one object that a dark or glossy part without readings separates, or the near rim of a vessel, as one. Both border on that
+/// part or on each other, and one stands within the other's outline on the table, or together they enclose a floor.
+fn bridged(floors: &mut Floors<'_>, table: &TableSurface, standing: Vec<Piece>, labels: &mut [u16]) -> Vec<Piece> {
+    let (rays, depth) = (floors.rays, floors.depth);
+    let outlines: Vec<Outline> = standing.iter().map(|piece| Outline::of(rays, depth, table, floors.heights, piece)).collect();
+    let of = |label: u16| usize::from(label) - 1;
     // The object that each one, by its label, is a part of.
     let mut whole: Vec<u16> = (0..=standing.len() as u16).collect();
-    let mut join = |a: u16, b: u16, through_dark: bool| {
+    let join = |whole: &mut Vec<u16>, a: u16, b: u16| {
         let pair = [whole[usize::from(a)], whole[usize::from(b)]];
-        if pair[0] != pair[1] && outlines[usize::from(a) - 1].holds(&outlines[usize::from(b) - 1], through_dark) {
-            let (from, to) = (pair[0].max(pair[1]), pair[0].min(pair[1]));
-            whole.iter_mut().filter(|other| **other == from).for_each(|other| *other = to);
-        }
+        let (from, to) = (pair[0].max(pair[1]), pair[0].min(pair[1]));
+        whole.iter_mut().filter(|other| **other == from).for_each(|other| *other = to);
     };
     for [a, b] in touching(labels, rays.width()) {
-        join(a, b, false);
+        if !outlines[of(a)].is_beside(&outlines[of(b)]) {
+            continue;
+        }
+        let mut is_one = outlines[of(a)].both(&outlines[of(b)]) < WITHIN;
+        if !is_one {
+            let pair = [&standing[of(a)].pixels[..], &standing[of(b)].pixels[..]].concat();
+            is_one = floors.within(labels, &pair).len() as f64 > FLOOR_SHARE * pair.len() as f64;
+        }
+        if is_one {
+            join(&mut whole, a, b);
+        }
     }
     for beside in around_dark_parts(labels, depth, [rays.width(), rays.height()]) {
         for (i, a) in beside.iter().enumerate().skip(1) {
-            beside[..i].iter().for_each(|b| join(*a, *b, true));
+            for b in &beside[..i] {
+                if outlines[of(*a)].both(&outlines[of(*b)]) < WITHIN_DARK {
+                    join(&mut whole, *a, *b);
+                }
+            }
         }
     }
     labels.iter_mut().for_each(|label| *label = whole[usize::from(*label)]);
@@ -150,14 +171,15 @@ impl Outline {
         Self { area: area(&hull), hull, low: percentile(&own, 0.05), high: percentile(&own, 0.95) }
     }
 
-    /// Whether one of two stands within the outline of the other; and, unless a dark part is between them, at the same height: what stands
-    /// on another is another.
-    fn holds(&self, other: &Self, through_dark: bool) -> bool {
+    /// How large the outline of two together is, as a multiple of the larger one.
+    fn both(&self, other: &Self) -> f32 {
+        area(&convex_hull(self.hull.iter().chain(&other.hull).copied().collect())) / self.area.max(other.area).max(1e-9)
+    }
+
+    /// Whether two are at the same height: what stands on another is another.
+    fn is_beside(&self, other: &Self) -> bool {
         let overlap = self.high.min(other.high) - self.low.max(other.low);
-        let is_beside = overlap > 0.5 * (self.high - self.low).min(other.high - other.low);
-        let both = area(&convex_hull(self.hull.iter().chain(&other.hull).copied().collect()));
-        let most = if through_dark { WITHIN_DARK } else { WITHIN };
-        (through_dark || is_beside) && both < most * self.area.max(other.area)
+        overlap > 0.5 * (self.high - self.low).min(other.high - other.low)
     }
 }
 
@@ -208,29 +230,32 @@ fn around_dark_parts(labels: &[u16], depth: &[f32], [width, height]: [usize; 2])
     found
 }
 
-/// Gives objects the low readings that they enclose.
-fn floors(
-    rays: &Rays,
-    depth: &[f32],
-    sensor: &SensorModel,
-    support: &LocalSupport,
-    heights: &[f32],
-    standing: &[Piece],
-    labels: &mut [u16],
-) {
-    let width = rays.width();
-    let mut state = vec![0; depth.len()];
-    for (label, pixels) in standing.iter().enumerate().filter(|(_, piece)| !piece.pixels.is_empty()).map(|(i, piece)| (i as u16 + 1, &piece.pixels)) {
+/// Looks for low readings that objects enclose.
+struct Floors<'a> {
+    rays: &'a Rays,
+    depth: &'a [f32],
+    sensor: &'a SensorModel,
+    support: LocalSupport,
+    heights: &'a [f32],
+    state: Vec<u8>,
+}
+
+impl Floors<'_> {
+    /// Unlabelled readings that some pixels enclose.
+    fn within(&mut self, labels: &[u16], pixels: &[u32]) -> Vec<u32> {
+        let width = self.rays.width();
         let [left, right, top, bottom] = pixels.iter().fold([usize::MAX, 0, usize::MAX, 0], |[l, r, t, b], pixel| {
             let (u, v) = (*pixel as usize % width, *pixel as usize / width);
             [l.min(u), r.max(u), t.min(v), b.max(v)]
         });
-        let box_of = (top..=bottom).flat_map(|v| v * width + left..=v * width + right);
-        let is_low = |pixel: &usize| labels[*pixel] == 0 && depth[*pixel] > 0.0 && heights[*pixel].abs() < FLOOR_M;
-        let low: Vec<(u32, f32)> = box_of.filter(is_low).map(|pixel| (pixel as u32, heights[pixel])).collect();
-        let own = enclosed(&Scene { rays, depth, labels, sensor, joint: Joint::new(rays, sensor) }, support, pixels, &low, &mut state, [1, 2]);
-        own.iter().for_each(|pixel| labels[*pixel as usize] = label);
-        low.iter().for_each(|(pixel, _)| state[*pixel as usize] = 0);
+        let is_low = |pixel: &usize| labels[*pixel] == 0 && self.depth[*pixel] > 0.0 && self.heights[*pixel].abs() < FLOOR_M;
+        let around = (top..=bottom).flat_map(|v| v * width + left..=v * width + right);
+        let low: Vec<(u32, f32)> = around.filter(is_low).map(|pixel| (pixel as u32, self.heights[pixel])).collect();
+        let joint = Joint::new(self.rays, self.sensor);
+        let scene = Scene { rays: self.rays, depth: self.depth, labels, sensor: self.sensor, joint };
+        let found = enclosed(&scene, &self.support, pixels, &low, &mut self.state, [1, 2]);
+        low.iter().for_each(|(pixel, _)| self.state[*pixel as usize] = 0);
+        found
     }
 }
 
@@ -360,4 +385,56 @@ fn merged(rays: &Rays, depth: &[f32], mut pieces: Vec<Piece>) -> Vec<Piece> {
     }
     pieces.retain(|piece| !piece.pixels.is_empty());
     pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::supports::{SupportSearch, find_table};
+    use crate::test_scene::{TestScene, Thing};
+
+    fn segmented(scene: &TestScene) -> Vec<u16> {
+        let sensor = SensorModel::default();
+        let supports = find_table(&scene.rays, &scene.depth, &sensor, &SupportSearch::default()).unwrap();
+        segment(&scene.rays, &scene.depth, &sensor, &supports)
+    }
+
+    /// For each thing the largest overlap over union of a segment with it; and the number of segments.
+    fn overlaps(scene: &TestScene, found: &[u16], things: u16) -> (Vec<f64>, usize) {
+        let count = found.iter().copied().max().unwrap_or(0);
+        let of = |thing: u16, label: u16| {
+            let pairs = scene.labels.iter().zip(found).map(|(a, b)| (*a == thing, *b == label));
+            let (both, any) = pairs.fold((0, 0), |(both, any), (a, b)| (both + u32::from(a && b), any + u32::from(a || b)));
+            f64::from(both) / f64::from(any)
+        };
+        let best = (1..=things).map(|thing| (1..=count).map(|label| of(thing, label)).fold(0.0, f64::max)).collect();
+        (best, (1..=count).filter(|label| found.contains(label)).count())
+    }
+
+    #[test]
+    fn each_thing_on_a_table_is_one_segment_with_its_floor() {
+        let things = [
+            Thing::Cup([-0.15, 0.5], 0.07, 0.06, 0.004),
+            Thing::Box([0.05, 0.6], [0.03, 0.03], 0.12),
+            Thing::Box([0.2, 0.45], [0.05, 0.03], 0.02),
+        ];
+        let scene = TestScene::new(&things, 0.7);
+        let (best, count) = overlaps(&scene, &segmented(&scene), 3);
+        assert!(best.iter().all(|overlap| *overlap > 0.85), "{best:?}");
+        assert_eq!(count, 3, "and no speck is one");
+    }
+
+    #[test]
+    fn a_dark_band_about_a_can_leaves_it_one_object_and_an_empty_table_has_none() {
+        let mut scene = TestScene::new(&[Thing::Box([0.0, 0.55], [0.035, 0.035], 0.13)], 0.5);
+        let front: Vec<u32> = scene.pixels(&scene.labels, 1);
+        let rows = front.iter().map(|pixel| *pixel as usize / 320);
+        let (top, bottom) = (rows.clone().min().unwrap(), rows.max().unwrap());
+        let dark = top + (bottom - top) / 2..top + (bottom - top) * 7 / 10;
+        front.iter().filter(|pixel| dark.contains(&(**pixel as usize / 320))).for_each(|pixel| scene.depth[*pixel as usize] = 0.0);
+        let (best, count) = overlaps(&scene, &segmented(&scene), 1);
+        assert!(best[0] > 0.85 && count == 1, "{best:?} of {count}");
+        let bare = TestScene::new(&[], 1.0);
+        assert!(segmented(&bare).iter().all(|label| *label == 0));
+    }
 }
