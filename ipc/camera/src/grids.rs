@@ -194,6 +194,9 @@ pub fn lay_grids(frame: Frame<'_>, options: &GridOptions) -> FrameGrids {
     Observer::new(*options).observe(&frame)
 }
 
+/// Of what is cut off, the visible part takes so much less of its grid.
+const CUT_SHARE: f64 = 0.75;
+
 /// Gives readings that fly between two surfaces the depth of the nearer one: what lies in front of it is empty, and no more is known there.
 fn in_front_of_edges(depth: &mut [f32], width: usize, flying: &[u32]) {
     flying.iter().for_each(|pixel| depth[*pixel as usize] = 0.0);
@@ -315,6 +318,7 @@ impl Observer {
         let mut smooth = depth.clone();
         for (object, masked, local, mut quality) in found {
             let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
+            quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, own.pixels(object));
             let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
                 let least = options.placement.least_readings.max(1);
                 if masked < least {
@@ -325,7 +329,10 @@ impl Observer {
                 }
                 let up = up.ok_or(NoGrid::NoUp { object })?;
                 let support = local.as_ref().map(|local| &local.plane);
-                Ok(place_in(&clean, &own, object, &up, support, &options.sensor, options.dims, &options.placement)?)
+                // What is cut off continues by an unknown length: there is room for it.
+                let share = options.placement.share * if quality.cut == Cut::default() { 1.0 } else { CUT_SHARE };
+                let placement = Placement { share, ..options.placement };
+                Ok(place_in(&clean, &own, object, &up, support, &options.sensor, options.dims, &placement)?)
             };
             let grid = lay(up).map(|grid| {
                 let pixels = own.pixels(object);
@@ -337,7 +344,6 @@ impl Observer {
                     pixels.iter().zip(z).for_each(|(pixel, z)| smooth[*pixel as usize] = z);
                     (sensor.constant_m, sensor.quadratic_per_m) = (sensor.constant_m * left, sensor.quadratic_per_m * left);
                 }
-                quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, pixels);
                 quality.surface_deviation_m = sensor.deviation(middle);
                 ObservedGrid { grid, support: local.map(|local| local.plane), sensor, quality }
             });

@@ -309,32 +309,37 @@ fn pieces_by_core(rays: &Rays, depth: &[f32], joint: &Joint, wanted: &[u32], sta
     found
 }
 
+const UNSEEN: u8 = 0;
+const CLOSED: u8 = 1;
+const OPEN: u8 = 2;
+
 /// Gives regions of free pixels to the segment that borders on them along at least a share of their edge, if no other does and they do not
 /// reach the border of the image; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
 fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize) -> bool, least_share: f64) {
     let mut sizes = vec![0_usize; usize::from(u16::MAX) + 1];
     labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
-    let mut seen = vec![false; labels.len()];
+    let largest = MOST_FILL * sizes[1..].iter().max().unwrap_or(&0);
+    let mut seen = vec![UNSEEN; labels.len()];
     for start in 0..labels.len() {
-        if seen[start] || labels[start] != 0 || !is_free(start) {
+        if seen[start] != UNSEEN || labels[start] != 0 || !is_free(start) {
             continue;
         }
-        seen[start] = true;
+        seen[start] = CLOSED;
         let mut region = vec![start];
         let (mut next, mut around, mut is_open) = (0, None, false);
         let (mut edge, mut beside) = (0_usize, 0_usize);
-        while let Some(pixel) = region.get(next).copied() {
+        while let Some(pixel) = region.get(next).copied().filter(|_| !is_open) {
             next += 1;
             let (u, v) = (pixel % width, pixel / width);
-            is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height;
+            is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height || region.len() > largest;
             for other in neighbours(FOUR, pixel, width, height) {
                 match labels[other] {
                     0 if !is_free(other) => edge += 1,
-                    0 if !seen[other] => {
-                        seen[other] = true;
+                    0 if seen[other] == UNSEEN => {
+                        seen[other] = CLOSED;
                         region.push(other);
                     }
-                    0 => {}
+                    0 => is_open |= seen[other] == OPEN,
                     label => {
                         (edge, beside) = (edge + 1, beside + 1);
                         is_open |= around.is_some_and(|known| known != label);
@@ -342,6 +347,10 @@ fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize)
                     }
                 }
             }
+        }
+        if is_open {
+            // What is left of the region finds this, and ends there.
+            region.iter().for_each(|pixel| seen[*pixel] = OPEN);
         }
         if let Some(label) = around
             .filter(|label| !is_open && beside as f64 >= least_share * edge as f64 && region.len() < MOST_FILL * sizes[usize::from(*label)])
