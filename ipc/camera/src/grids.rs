@@ -254,29 +254,37 @@ impl Observer {
     /// frame before; all are 0 where there is no plane. `depth` has a value for each pixel of the camera, metres.
     pub fn segment_table(&mut self, intrinsics: &Intrinsics, depth: &[f32]) -> Vec<u16> {
         let rays = self.prepare(intrinsics);
-        let depth = rays.readings(depth);
-        let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
-        let supports = find_table(&rays, &depth, &self.options.sensor, &search);
-        let mut labels = match &supports {
-            Some(supports) => segment(&rays, &depth, &self.options.sensor, supports),
-            None => vec![0; depth.len()],
-        };
-        self.tracks.renumber(&rays, &depth, &mut labels);
+        let (labels, _) = self.segmented(&rays, &rays.readings(depth));
         self.rays = Some(rays);
         labels
+    }
+
+    /// The labels of what stands on the table of a frame, and its supports.
+    fn segmented(&mut self, rays: &Rays, depth: &[f32]) -> (Vec<u16>, Option<Supports>) {
+        let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
+        let supports = find_table(rays, depth, &self.options.sensor, &search);
+        let mut labels = match &supports {
+            Some(supports) => segment(rays, depth, &self.options.sensor, supports),
+            None => vec![0; depth.len()],
+        };
+        self.tracks.renumber(rays, depth, &mut labels);
+        (labels, supports)
     }
 
     /// Finds the supports, the objects and their own readings, and lays a grid about each. Nothing is carved yet: see
     /// [`FrameGrids::carver`].
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameGrids {
         let options = self.options;
-        let segments = match options.segmentation {
-            Segmentation::Labels => None,
-            Segmentation::Table => Some(self.segment_table(frame.intrinsics(), frame.depths())),
-        };
-        let labels = segments.as_deref().unwrap_or(frame.labels());
         let rays = self.prepare(frame.intrinsics());
         let mut depth = rays.readings(frame.depths());
+        let (segments, table) = match options.segmentation {
+            Segmentation::Labels => (None, None),
+            Segmentation::Table => {
+                let (labels, table) = self.segmented(&rays, &depth);
+                (Some(labels), table)
+            }
+        };
+        let labels = segments.as_deref().unwrap_or(frame.labels());
         self.state.resize(depth.len(), 0);
         let masked = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
         let scene = Scene { rays: &rays, depth: &depth, labels, sensor: &options.sensor, joint: Joint::new(&rays, &options.sensor) };
@@ -287,7 +295,8 @@ impl Observer {
         let masks: Vec<(u16, &[u32])> = masked.objects(search.label).map(|object| (object, masked.pixels(object))).collect();
         // Labels without any reading say nothing of where things stand.
         let read: Vec<(u16, &[u32])> = masks.iter().filter(|(_, mask)| !mask.is_empty()).copied().collect();
-        let supports = find_supports(&scene, &read, &search).or_else(|| only_up(&search));
+        // Segments have their supports already.
+        let supports = table.or_else(|| find_supports(&scene, &read, &search)).or_else(|| only_up(&search));
         let support_labels = supports.as_ref().map_or_else(Vec::new, |supports| supports.labels.clone());
         let mut cleaned = vec![0; depth.len()];
         let mut flying = Vec::new();
