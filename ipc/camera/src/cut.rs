@@ -13,8 +13,10 @@ pub struct Cut {
 
 /// A strip without readings along the border of the image is the border, up to this share of its side.
 const BLIND: usize = 12;
-/// Pixels beyond an object's edge where what hides it is looked for: readings at the edge itself fly.
+/// Pixels beyond an object's edge from which on what hides it is looked for: readings at the edge itself fly.
 const BEYOND: isize = 3;
+/// A band without readings between an object and what hides it is at most so wide, metres at the object: the shadow of the one on the other.
+const SHADOW_M: f32 = 0.03;
 /// Share of an object's edge along which something nearer must lie.
 const LEAST_SHARE: f64 = 0.08;
 
@@ -39,7 +41,9 @@ pub fn cut(depth: &[f32], labels: &[u16], [width, height]: [usize; 2], joint: &J
                 continue;
             }
             edge += 1;
-            if let Some(beyond) = inside(BEYOND) {
+            let widest = BEYOND.max((SHADOW_M / joint.pitch(z).max(1e-6)).min(width as f32) as isize);
+            let beyond = (BEYOND..=widest).map_while(inside).find(|beyond| depth[*beyond] > 0.0);
+            if let Some(beyond) = beyond {
                 hidden += usize::from(labels[beyond] != label && depth[beyond] > 0.0 && z - depth[beyond] > 2.0 * joint.reach(z));
             }
             if !found.border && depth[beside] == 0.0 {
@@ -59,6 +63,28 @@ mod tests {
     use super::*;
     use crate::rays::Rays;
     use crate::{Intrinsics, SensorModel};
+
+    #[test]
+    fn what_is_nearer_hides_beyond_a_shadow_too() {
+        let hidden_beyond = |shadow: usize| {
+            let camera = Intrinsics::new(120, 90, [400.0; 2], [59.5, 44.5], [0.0; 5]).unwrap();
+            let joint = Joint::new(&Rays::new(&camera), &SensorModel::default());
+            let mut depth = vec![1.3_f32; 120 * 90];
+            let mut labels = vec![0_u16; depth.len()];
+            for pixel in 0..depth.len() {
+                match pixel % 120 {
+                    30..60 if (30..60).contains(&(pixel / 120)) => (depth[pixel], labels[pixel]) = (1.0, 1),
+                    60.. if pixel % 120 < 60 + shadow => depth[pixel] = 0.0,
+                    60.. => depth[pixel] = 0.8,
+                    _ => {}
+                }
+            }
+            let pixels: Vec<u32> = (0..depth.len() as u32).filter(|pixel| labels[*pixel as usize] == 1).collect();
+            cut(&depth, &labels, [120, 90], &joint, &pixels).occluder
+        };
+        assert!(hidden_beyond(0) && hidden_beyond(9), "9 pixels are 2.2 cm");
+        assert!(!hidden_beyond(20), "5 cm away lies something else");
+    }
 
     /// What cuts a square of label 1 at 1 m, from column `left` on, with something at `near` metres over its right half if that is above 0,
     /// and no reading in the first `blind` columns.

@@ -194,6 +194,9 @@ pub fn lay_grids(frame: Frame<'_>, options: &GridOptions) -> FrameGrids {
     Observer::new(*options).observe(&frame)
 }
 
+/// Of what is cut off, the visible part takes so much less of its grid.
+const CUT_SHARE: f64 = 0.75;
+
 /// Gives readings that fly between two surfaces the depth of the nearer one: what lies in front of it is empty, and no more is known there.
 fn in_front_of_edges(depth: &mut [f32], width: usize, flying: &[u32]) {
     flying.iter().for_each(|pixel| depth[*pixel as usize] = 0.0);
@@ -251,29 +254,37 @@ impl Observer {
     /// frame before; all are 0 where there is no plane. `depth` has a value for each pixel of the camera, metres.
     pub fn segment_table(&mut self, intrinsics: &Intrinsics, depth: &[f32]) -> Vec<u16> {
         let rays = self.prepare(intrinsics);
-        let depth = rays.readings(depth);
-        let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
-        let supports = find_table(&rays, &depth, &self.options.sensor, &search);
-        let mut labels = match &supports {
-            Some(supports) => segment(&rays, &depth, &self.options.sensor, supports),
-            None => vec![0; depth.len()],
-        };
-        self.tracks.renumber(&rays, &depth, &mut labels);
+        let (labels, _) = self.segmented(&rays, &rays.readings(depth));
         self.rays = Some(rays);
         labels
+    }
+
+    /// The labels of what stands on the table of a frame, and its supports.
+    fn segmented(&mut self, rays: &Rays, depth: &[f32]) -> (Vec<u16>, Option<Supports>) {
+        let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
+        let supports = find_table(rays, depth, &self.options.sensor, &search);
+        let mut labels = match &supports {
+            Some(supports) => segment(rays, depth, &self.options.sensor, supports),
+            None => vec![0; depth.len()],
+        };
+        self.tracks.renumber(rays, depth, &mut labels);
+        (labels, supports)
     }
 
     /// Finds the supports, the objects and their own readings, and lays a grid about each. Nothing is carved yet: see
     /// [`FrameGrids::carver`].
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameGrids {
         let options = self.options;
-        let segments = match options.segmentation {
-            Segmentation::Labels => None,
-            Segmentation::Table => Some(self.segment_table(frame.intrinsics(), frame.depths())),
-        };
-        let labels = segments.as_deref().unwrap_or(frame.labels());
         let rays = self.prepare(frame.intrinsics());
         let mut depth = rays.readings(frame.depths());
+        let (segments, table) = match options.segmentation {
+            Segmentation::Labels => (None, None),
+            Segmentation::Table => {
+                let (labels, table) = self.segmented(&rays, &depth);
+                (Some(labels), table)
+            }
+        };
+        let labels = segments.as_deref().unwrap_or(frame.labels());
         self.state.resize(depth.len(), 0);
         let masked = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
         let scene = Scene { rays: &rays, depth: &depth, labels, sensor: &options.sensor, joint: Joint::new(&rays, &options.sensor) };
@@ -284,7 +295,8 @@ impl Observer {
         let masks: Vec<(u16, &[u32])> = masked.objects(search.label).map(|object| (object, masked.pixels(object))).collect();
         // Labels without any reading say nothing of where things stand.
         let read: Vec<(u16, &[u32])> = masks.iter().filter(|(_, mask)| !mask.is_empty()).copied().collect();
-        let supports = find_supports(&scene, &read, &search).or_else(|| only_up(&search));
+        // Segments have their supports already.
+        let supports = table.or_else(|| find_supports(&scene, &read, &search)).or_else(|| only_up(&search));
         let support_labels = supports.as_ref().map_or_else(Vec::new, |supports| supports.labels.clone());
         let mut cleaned = vec![0; depth.len()];
         let mut flying = Vec::new();
@@ -315,6 +327,7 @@ impl Observer {
         let mut smooth = depth.clone();
         for (object, masked, local, mut quality) in found {
             let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
+            quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, own.pixels(object));
             let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
                 let least = options.placement.least_readings.max(1);
                 if masked < least {
@@ -325,7 +338,10 @@ impl Observer {
                 }
                 let up = up.ok_or(NoGrid::NoUp { object })?;
                 let support = local.as_ref().map(|local| &local.plane);
-                Ok(place_in(&clean, &own, object, &up, support, &options.sensor, options.dims, &options.placement)?)
+                // What is cut off continues by an unknown length: there is room for it.
+                let share = options.placement.share * if quality.cut == Cut::default() { 1.0 } else { CUT_SHARE };
+                let placement = Placement { share, ..options.placement };
+                Ok(place_in(&clean, &own, object, &up, support, &options.sensor, options.dims, &placement)?)
             };
             let grid = lay(up).map(|grid| {
                 let pixels = own.pixels(object);
@@ -337,7 +353,6 @@ impl Observer {
                     pixels.iter().zip(z).for_each(|(pixel, z)| smooth[*pixel as usize] = z);
                     (sensor.constant_m, sensor.quadratic_per_m) = (sensor.constant_m * left, sensor.quadratic_per_m * left);
                 }
-                quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, pixels);
                 quality.surface_deviation_m = sensor.deviation(middle);
                 ObservedGrid { grid, support: local.map(|local| local.plane), sensor, quality }
             });

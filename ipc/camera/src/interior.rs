@@ -1,19 +1,22 @@
 //! Low readings that are an object's own because the object encloses them: the floor of a bowl or a mug, the middle of a plate.
 //!
 //! They are near the support plane, as readings of the support in a mask that is too wide are, and are told from those in plan view, on the
-//! plane: the floor of a vessel lies inside the convex hull of what is high, and either above the plane by more than the plane may be off,
-//! or with walls all around. The table that is seen through a handle lies on the plane and has the object on some sides only, or is small;
+//! plane: the floor of a vessel lies inside the convex hull of what is high, and either above the plane by more than the plane may be off
+//! with walls on most sides, or with walls all around. The table that is seen through a handle lies on the plane and has the object on some sides only, or is small;
 //! the table beside a foot lies outside of the hull.
 
 use crate::joining::{FOUR, neighbours};
 use crate::own_readings::{LocalSupport, Scene};
-use nalgebra::{Vector2, Vector3};
+use crate::plan_view::{PlanView, convex_hull, inside_by};
+use nalgebra::Vector2;
 
 /// A region lies this far above the plane, metres, or so many deviations of the support's readings, if it is a raised floor.
 const RAISED_M: f32 = 0.0025;
 const RAISED_DEVIATIONS: f32 = 0.75;
 /// Share of the directions on the plane in which an object with walls all around lies, as seen from its floor.
 const ALL_AROUND: f32 = 0.85;
+/// Of a raised floor it may be less: a part of the walls may be cut off.
+const MOSTLY_AROUND: f32 = 0.7;
 /// Share of the object's readings that a floor on the plane has at least: more than what is seen through a handle.
 const LARGE: f64 = 0.1;
 /// How far below the plane a floor may seem to lie, in deviations of the support's readings: the plane is inferred from around it.
@@ -21,7 +24,7 @@ const SUNK_DEVIATIONS: f32 = 1.5;
 /// Directions that are told apart.
 const SECTORS: usize = 16;
 /// High readings that the hull and the directions are found by, at most.
-const MOST_HIGH: usize = 1500;
+const MOST_HIGH: usize = 800;
 /// Readings of a region that look around, at most.
 const MOST_LOOKING: usize = 40;
 /// Distance inside of the hull, in pixels, or in deviations of a reading: the foot of a wall seems to lie inside by its noise.
@@ -29,24 +32,6 @@ const INSIDE_PIXELS: f32 = 2.0;
 const INSIDE_DEVIATIONS: f64 = 2.0;
 /// Readings of a region at least.
 const LEAST_READINGS: usize = 12;
-
-/// Coordinates on a plane.
-struct PlanView {
-    x: Vector3<f32>,
-    y: Vector3<f32>,
-}
-
-impl PlanView {
-    fn of(normal: &Vector3<f32>) -> Self {
-        let axis = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-        let x = (axis - normal * normal.dot(&axis)).normalize();
-        Self { x, y: normal.cross(&x) }
-    }
-
-    fn see(&self, point: &Vector3<f32>) -> Vector2<f32> {
-        Vector2::new(self.x.dot(point), self.y.dot(point))
-    }
-}
 
 /// Of the low readings of a mask, with their heights, those that the object with the `high` ones encloses. `state` is `wanted` at all the
 /// low ones, and `done` at what was looked at afterwards.
@@ -78,12 +63,12 @@ pub fn enclosed(
         }
         let mean = region.iter().map(|(_, h)| h).sum::<f32>() / region.len() as f32;
         let is_raised = mean > RAISED_M.max(RAISED_DEVIATIONS * deviation);
-        let is_floor = || {
-            let is_large = region.len() as f64 >= LARGE * (region.len() + high.len()) as f64;
-            let some = region.iter().step_by(region.len().div_ceil(MOST_LOOKING)).map(|(pixel, _)| at(*pixel));
-            is_large && mean > -SUNK_DEVIATIONS * deviation && surrounded(&tops, some) >= ALL_AROUND
-        };
-        if is_raised || is_floor() {
+        let is_large = region.len() as f64 >= LARGE * (region.len() + high.len()) as f64;
+        if !is_raised && (!is_large || mean < -SUNK_DEVIATIONS * deviation) {
+            continue;
+        }
+        let some = region.iter().step_by(region.len().div_ceil(MOST_LOOKING)).map(|(pixel, _)| at(*pixel));
+        if surrounded(&tops[..], some) >= if is_raised { MOSTLY_AROUND } else { ALL_AROUND } {
             own.extend(region.iter().map(|(pixel, _)| *pixel));
         }
     }
@@ -124,8 +109,14 @@ fn surrounded(tops: &[Vector2<f32>], from: impl Iterator<Item = Vector2<f32>>) -
         let mut seen = 0_u32;
         for top in tops {
             let d = top - place;
-            let turn = d.y.atan2(d.x) / std::f32::consts::TAU + 0.5;
-            seen |= 1 << ((turn * SECTORS as f32) as usize).min(SECTORS - 1);
+            // As an angle, but along a square in place of a circle: from 0 to 4, without a trigonometric function.
+            let along = d.y / (d.x.abs() + d.y.abs()).max(1e-12);
+            let turn = match (d.x < 0.0, d.y < 0.0) {
+                (true, _) => 2.0 - along,
+                (false, true) => 4.0 + along,
+                (false, false) => along,
+            };
+            seen |= 1 << ((turn * (SECTORS as f32 / 4.0)) as usize).min(SECTORS - 1);
         }
         sum += seen.count_ones();
         count += 1;
@@ -133,50 +124,9 @@ fn surrounded(tops: &[Vector2<f32>], from: impl Iterator<Item = Vector2<f32>>) -
     sum as f32 / (count.max(1) * SECTORS as u32) as f32
 }
 
-/// The corners of the convex hull of some points, counter-clockwise (Andrew's monotone chain, 1979).
-fn convex_hull(mut points: Vec<Vector2<f32>>) -> Vec<Vector2<f32>> {
-    points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let turns_left = |a: &Vector2<f32>, b: &Vector2<f32>, c: &Vector2<f32>| (b - a).perp(&(c - a)) > 0.0;
-    let mut hull: Vec<Vector2<f32>> = Vec::new();
-    let mut half = |points: &mut dyn Iterator<Item = &Vector2<f32>>| {
-        let first = hull.len();
-        for point in points {
-            while hull.len() >= first + 2 && !turns_left(&hull[hull.len() - 2], &hull[hull.len() - 1], point) {
-                hull.pop();
-            }
-            hull.push(*point);
-        }
-        // The last corner is the other half's first.
-        hull.pop();
-    };
-    half(&mut points.iter());
-    half(&mut points.iter().rev());
-    hull
-}
-
-/// How far a point lies inside of a convex polygon; negative outside, and where there is no polygon.
-fn inside_by(hull: &[Vector2<f32>], point: &Vector2<f32>) -> f32 {
-    if hull.len() < 3 {
-        return -1.0;
-    }
-    let sides = hull.iter().zip(hull.iter().cycle().skip(1));
-    let off = sides.map(|(a, b)| (b - a).perp(&(point - a)) / (b - a).norm().max(1e-9));
-    off.fold(f32::INFINITY, f32::min)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_hull_of_a_square_with_points_inside_is_the_square() {
-        let points = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [1.0, 0.0], [0.5, 1.5]];
-        let hull = convex_hull(points.iter().map(|[x, y]| Vector2::new(*x, *y)).collect());
-        assert_eq!(hull, [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vector2::new(x, y)));
-        assert_eq!(inside_by(&hull, &Vector2::new(1.0, 0.25)), 0.25);
-        assert_eq!(inside_by(&hull, &Vector2::new(3.0, 1.0)), -1.0);
-        assert!(inside_by(&hull[..2], &Vector2::new(1.0, 0.0)) < 0.0);
-    }
 
     #[test]
     fn a_ring_surrounds_its_middle_and_half_a_ring_half_of_it() {

@@ -36,6 +36,12 @@ impl Joint {
         LEAST_STEP_M.max(self.constant + self.quadratic * depth * depth).max(self.slope * depth)
     }
 
+    /// How far apart neighbouring pixels see at a depth, metres.
+    #[inline]
+    pub fn pitch(&self, depth: f32) -> f32 {
+        self.slope / STEEPEST * depth
+    }
+
     /// Whether two neighbouring readings lie on one surface.
     #[inline]
     pub fn joins(&self, a: f32, b: f32) -> bool {

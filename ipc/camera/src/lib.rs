@@ -11,6 +11,7 @@
 //! | `carving` | which voxels are filled, empty, unknown |
 //! | `rays`, `blocks` | directions of the pixels; small flat squares of the image |
 //! | `planes`, `supports` | the planes of a frame; those that objects stand on, and what is up |
+//! | `plan_view`, `table_surface` | points as seen from above a plane; a table as the sensor bends it, and its outline |
 //! | `tables`, `tracking` | objects without masks: what stands on a plane; their numbers from frame to frame |
 //! | `joining`, `own_readings` | which neighbours lie on one surface; which readings of a mask are the object's own |
 //! | `interior` | low readings that an object encloses: the floors of vessels |
@@ -39,13 +40,17 @@ mod lens;
 mod own_readings;
 mod parallel;
 mod placement;
+mod plan_view;
 mod planes;
 mod rays;
 mod segments;
 mod sensor;
 mod support;
 mod supports;
+mod table_surface;
 mod tables;
+#[cfg(test)]
+mod test_scene;
 mod tracking;
 
 pub use carving::{Carver, EMPTY, FILLED, Grid, GridError, UNKNOWN};

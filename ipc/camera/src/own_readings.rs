@@ -58,6 +58,16 @@ const LEAST_DEVIATIONS: f64 = 3.0;
 /// Where the mask is too wide, readings at the foot of a high object are the plane's up to this height, metres, or this share of its own.
 const FOOT_M: f64 = 0.012;
 const FOOT_SHARE: f64 = 0.3;
+/// How far the plane around an object may be from the one below it, metres.
+const BENT_M: f32 = 5e-4;
+/// Something is flat if it is no higher than a foot, or than so many deviations of the support's readings.
+const FLAT_DEVIATIONS: f32 = 4.0;
+/// Standard errors by which the mean height of something flat is above the support; neighbouring readings err alike: so many count as one.
+const FLAT_ERRORS: f32 = 2.0;
+const ALIKE: f32 = 10.0;
+/// Its readings are those whose mean over so many pixels to all sides is above this share of a deviation.
+const FLAT_PIXELS: usize = 2;
+const FLAT_SHARE: f32 = 0.6;
 /// Neighbours of eight that a reading must be joined to.
 const LEAST_NEIGHBOURS: usize = 3;
 /// Pieces nearer than this hang together, metres, or than so many pixels.
@@ -65,7 +75,7 @@ const GAP_M: f32 = 0.02;
 const GAP_PIXELS: f32 = 6.0;
 /// Or than this share of the largest one's extent, at most metres: a bowl's near wall hides what joins it to the far one.
 const GAP_SHARE: f32 = 0.5;
-const GAP_MOST_M: f32 = 0.06;
+const GAP_MOST_M: f32 = 0.1;
 /// Share of the main piece below which a piece is a speck.
 const SPECK: f64 = 0.01;
 
@@ -91,7 +101,47 @@ pub fn own_readings(scene: &Scene<'_>, mask: &[u32], support: Option<&LocalSuppo
             break;
         }
     }
+    if let Some(support) = support
+        && found.pixels.len() < mask.len() / 2
+        && let Some(flat) = flat_thing(scene, mask, &heights, support)
+        && flat.pixels.len() >= least.max(found.pixels.len())
+    {
+        return flat;
+    }
     found
+}
+
+/// The readings of something flat: no single one stands out from the support, but all together do. `None` if they do not, or if something
+/// high is in the mask.
+fn flat_thing(scene: &Scene<'_>, mask: &[u32], heights: &[f32], support: &LocalSupport) -> Option<OwnReadings> {
+    let (width, height) = (scene.rays.width(), scene.rays.height());
+    let deviation = support.deviation_m as f32;
+    let top = percentile(heights, 0.9);
+    let mean = heights.iter().sum::<f32>() / heights.len().max(1) as f32;
+    let error = deviation * (ALIKE / heights.len().max(1) as f32).sqrt();
+    if top > (FOOT_M as f32).max(FLAT_DEVIATIONS * deviation) || mean < BENT_M + FLAT_ERRORS * error {
+        return None;
+    }
+    let label = mask.first().map(|pixel| scene.labels[*pixel as usize])?;
+    let mean_around = |pixel: u32| {
+        let (u, v) = (pixel as usize % width, pixel as usize / width);
+        let (mut sum, mut count) = (0.0_f32, 0_u32);
+        for v in v.saturating_sub(FLAT_PIXELS)..(v + FLAT_PIXELS + 1).min(height) {
+            for other in v * width + u.saturating_sub(FLAT_PIXELS)..v * width + (u + FLAT_PIXELS + 1).min(width) {
+                if scene.labels[other] == label && scene.depth[other] > 0.0 {
+                    // Readings of a mask are ascending, and have their heights beside them.
+                    if let Ok(index) = mask.binary_search(&(other as u32)) {
+                        (sum, count) = (sum + heights[index], count + 1);
+                    }
+                }
+            }
+        }
+        sum / count.max(1) as f32
+    };
+    let least = (2.0 * BENT_M).max(FLAT_SHARE * deviation);
+    let pixels: Vec<u32> = mask.iter().copied().filter(|pixel| mean_around(*pixel) > least).collect();
+    let share_support = 1.0 - pixels.len() as f64 / mask.len() as f64;
+    Some(OwnReadings { pixels, share_support, ..OwnReadings::default() })
 }
 
 fn attempt(
@@ -215,4 +265,74 @@ pub fn percentile(values: &[f32], share: f64) -> f32 {
     let mut sorted = values.to_vec();
     let at = ((share * (sorted.len() - 1) as f64).round() as usize).min(sorted.len() - 1);
     *sorted.select_nth_unstable_by(at, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scene::{TestScene, Thing};
+
+    /// The own readings of thing 1 with a label image of its own: how many, and how many of those show something else.
+    fn own(scene: &TestScene, labels: &[u16]) -> (OwnReadings, usize, usize) {
+        let sensor = SensorModel::default();
+        let joint = Joint::new(&scene.rays, &sensor);
+        let looked_at = Scene { rays: &scene.rays, depth: &scene.depth, labels, sensor: &sensor, joint };
+        let support = LocalSupport { plane: scene.table, deviation_m: 0.001 };
+        let mut state = vec![0; scene.depth.len()];
+        let found = own_readings(&looked_at, &scene.pixels(labels, 1), Some(&support), 40, &mut state);
+        assert!(state.iter().all(|state| *state == 0), "the state is as it was");
+        assert!(found.pixels.is_sorted());
+        let foreign = found.pixels.iter().filter(|pixel| scene.labels[**pixel as usize] != 1).count();
+        let lost = scene.pixels(&scene.labels, 1).len() + foreign - found.pixels.len();
+        (found, foreign, lost)
+    }
+
+    #[test]
+    fn the_floor_of_a_bowl_is_its_own_and_the_table_around_it_is_not() {
+        for floor in [0.002, 0.005, 0.01] {
+            let bowl = TestScene::new(&[Thing::Cup([0.02, 0.5], 0.08, 0.06, floor)], 0.5);
+            for by in [0, 3] {
+                let (found, foreign, lost) = own(&bowl, &bowl.widened(1, by));
+                let all = bowl.pixels(&bowl.labels, 1).len();
+                // At the foot of the outer wall some are: a mask that is too wide has the table there.
+                assert!(lost * 6 < all, "floor {floor}, {by} px: {lost} of {all} lost");
+                assert!(foreign * 50 < all, "floor {floor}, {by} px: {foreign} of the table");
+                assert!(by == 0 || found.share_support > 0.03);
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_in_a_box_about_a_thing_is_left() {
+        let carton = TestScene::new(&[Thing::Box([0.0, 0.55], [0.035, 0.025], 0.13)], 0.5);
+        let shown = carton.pixels(&carton.labels, 1);
+        let across = |pixel: &u32| [*pixel as usize % 320, *pixel as usize / 320];
+        let bounds =
+            shown.iter().map(across).fold([[usize::MAX, 0]; 2], |[[l, r], [t, b]], [u, v]| [[l.min(u), r.max(u)], [t.min(v), b.max(v)]]);
+        let is_in = |pixel: usize| (0..2).all(|i| (bounds[i][0]..=bounds[i][1]).contains(&across(&(pixel as u32))[i]));
+        let labels: Vec<u16> = (0..carton.labels.len()).map(|pixel| u16::from(is_in(pixel))).collect();
+        let (_, foreign, lost) = own(&carton, &labels);
+        assert!(lost * 8 < shown.len() && foreign * 100 < shown.len(), "{lost} lost, {foreign} foreign of {}", shown.len());
+    }
+
+    #[test]
+    fn a_flat_thing_is_its_mask_s_readings_and_a_piece_of_the_table_is_nothing() {
+        let knife = TestScene::new(&[Thing::Box([0.0, 0.5], [0.1, 0.01], 0.0025)], 1.0);
+        let (found, ..) = own(&knife, &knife.labels);
+        let all = knife.pixels(&knife.labels, 1).len();
+        assert!(found.pixels.len() * 10 > all * 7, "{} of {all}", found.pixels.len());
+        let bare = TestScene::new(&[], 1.0);
+        let (found, ..) = own(&bare, &knife.labels);
+        assert!(found.pixels.len() < 40, "{}", found.pixels.len());
+    }
+
+    #[test]
+    fn what_lies_far_behind_is_no_part() {
+        // The floor is seen beside a box at the edge of the table.
+        let edge = TestScene::new(&[Thing::Box([0.37, 0.6], [0.04, 0.04], 0.1)], 0.5);
+        let (found, foreign, lost) = own(&edge, &edge.widened(1, 4));
+        let all = edge.pixels(&edge.labels, 1).len();
+        assert!(foreign * 50 < all && lost * 10 < all, "{foreign} foreign, {lost} lost of {all}");
+        assert!(found.share_far + found.share_edge + found.share_support > 0.05);
+    }
 }

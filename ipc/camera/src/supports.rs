@@ -294,3 +294,68 @@ pub fn find_table(rays: &Rays, depth: &[f32], sensor: &SensorModel, search: &Sup
         .min_by(|a, b| planes[*a].plane.offset().total_cmp(&planes[*b].plane.offset()))?;
     Some(chosen(planes, best, search.up, Vec::new()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SensorModel;
+    use crate::joining::Joint;
+    use crate::test_scene::{TestScene, Thing};
+
+    fn supports_of(scene: &TestScene, labels: &[u16], search: &SupportSearch) -> (Option<Supports>, Option<LocalSupport>) {
+        let sensor = SensorModel::default();
+        let looked_at = Scene { rays: &scene.rays, depth: &scene.depth, labels, sensor: &sensor, joint: Joint::new(&scene.rays, &sensor) };
+        let own: Vec<(u16, Vec<u32>)> =
+            [1, 9].map(|label| (label, scene.pixels(labels, label))).into_iter().filter(|(_, p)| !p.is_empty()).collect();
+        let masks: Vec<(u16, &[u32])> = own.iter().map(|(label, pixels)| (*label, &pixels[..])).collect();
+        let found = find_supports(&looked_at, &masks, search);
+        let local = found.as_ref().and_then(|found| local_support(&looked_at, masks[0].1, found));
+        (found, local)
+    }
+
+    #[test]
+    fn the_table_wins_over_the_floor_that_is_seen_beside_it() {
+        let scene = TestScene::new(&[Thing::Box([0.1, 0.55], [0.035, 0.025], 0.13)], 1.0);
+        let (found, local) = supports_of(&scene, &scene.labels, &SupportSearch::default());
+        let up = found.unwrap().up;
+        assert!(up.angle(&scene.table.normal()) < 0.5_f64.to_radians(), "{}", up.angle(&scene.table.normal()).to_degrees());
+        let local = local.unwrap();
+        assert!((local.plane.offset() - scene.table.offset()).abs() < 0.002, "{}", local.plane.offset());
+        assert!(local.deviation_m < 0.003);
+    }
+
+    #[test]
+    fn a_label_that_is_the_table_is_the_support_and_a_gravity_that_is_off_is_corrected() {
+        let scene = TestScene::new(&[Thing::Box([0.0, 0.55], [0.035, 0.025], 0.13)], 1.0);
+        let is_table = |pixel: usize| scene.table.height(&scene.rays.point(pixel, scene.depth[pixel]).cast().into()).abs() < 0.01;
+        let labels: Vec<u16> = (0..scene.labels.len())
+            .map(|pixel| if scene.labels[pixel] == 0 && is_table(pixel) { 9 } else { scene.labels[pixel] })
+            .collect();
+        let (found, local) = supports_of(&scene, &labels, &SupportSearch::default());
+        assert_eq!(found.unwrap().labels, [9]);
+        assert!((local.unwrap().plane.offset() - scene.table.offset()).abs() < 0.002);
+        let tilt = nalgebra::Rotation3::from_axis_angle(&Vector3::x_axis(), 6_f64.to_radians());
+        let search = SupportSearch { up: Some(tilt * scene.table.normal()), label: None };
+        let found = supports_of(&scene, &scene.labels, &search).0.unwrap();
+        assert!((found.corrected_rad.unwrap().to_degrees() - 6.0).abs() < 0.5);
+    }
+
+    #[test]
+    fn a_bent_table_is_level_around_each_object() {
+        let mut scene = TestScene::new(&[Thing::Box([-0.25, 0.45], [0.03, 0.03], 0.02)], 0.3);
+        // Bent about the vertical line through the middle of the image: 8 mm at the sides.
+        for (pixel, z) in scene.depth.iter_mut().enumerate() {
+            *z += 0.008 * ((pixel % 320) as f32 / 160.0 - 1.0).powi(2);
+        }
+        let local = supports_of(&scene, &scene.labels, &SupportSearch::default()).1.unwrap();
+        let around: Vec<f32> = scene
+            .widened(1, 12)
+            .iter()
+            .enumerate()
+            .filter(|(p, label)| **label == 1 && scene.labels[*p] == 0)
+            .map(|(p, _)| local.plane.height(&scene.rays.point(p, scene.depth[p]).cast().into()) as f32)
+            .collect();
+        let off = around.iter().map(|h| h.abs()).sum::<f32>() / around.len() as f32;
+        assert!(off < 0.0012, "{off}");
+    }
+}

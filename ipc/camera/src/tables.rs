@@ -4,10 +4,14 @@
 //! space are one object: the far wall of a bowl and its near one.
 
 use crate::SensorModel;
+use crate::interior::enclosed;
 use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
+use crate::own_readings::{LocalSupport, Scene, percentile};
+use crate::plan_view::{area, convex_hull};
 use crate::rays::Rays;
 use crate::supports::Supports;
-use nalgebra::Vector3;
+use crate::table_surface::TableSurface;
+use nalgebra::{Vector2, Vector3};
 
 /// Where objects come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,6 +43,27 @@ const GROWTH: usize = 4;
 const PART: f64 = 0.3;
 /// Pieces that are compared, at most: the largest.
 const MOST_PIECES: usize = 150;
+/// Pieces that border on a region without readings do so along at least this share of its edge.
+const BRIDGE_LEAST: f64 = 0.05;
+/// Pieces meet within so many pixels.
+const MEETING: usize = 3;
+/// One outline is within another if both together are at most so many times as large as the larger one; of what a dark part separates, more
+/// is unseen.
+const WITHIN: f32 = 1.3;
+const WITHIN_DARK: f32 = 1.8;
+/// Two pieces that enclose a floor of this share of their readings are one vessel.
+const FLOOR_SHARE: f64 = 0.15;
+/// The floor of a vessel is lower above the table, metres.
+const FLOOR_M: f32 = 0.012;
+/// Points of a piece that are looked at.
+const OUTLINE_SAMPLES: usize = 300;
+/// An object may hide the edge of its table: so far it may lie beyond, metres.
+const OVER_EDGE_M: f32 = 0.05;
+/// What begins higher above the table stands on something else, metres.
+const FLOATING_M: f32 = 0.25;
+/// Something small is noise if it is not higher than so many times the least height; small is this area as seen, square metres.
+const SPECK_HEIGHT: f32 = 1.5;
+const SPECK_M2: f32 = 0.001;
 /// Readings of an object at least.
 const LEAST_PIXELS: usize = 60;
 
@@ -46,16 +71,16 @@ const LEAST_PIXELS: usize = 60;
 pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supports) -> Vec<u16> {
     let mut labels = vec![0; depth.len()];
     let Some(main) = supports.planes.first() else { return labels };
-    let (n, offset) = (main.plane.normal().into_inner().cast::<f32>(), main.plane.offset() as f32);
-    let scatter = main.scatter as f32;
+    let table = TableSurface::new(rays, depth, &main.plane);
+    // The table's own scatter tells how good the sensor is here; it grows with the distance as the sensor model says.
+    let relative = main.scatter as f32;
     let mut state = vec![0_u8; depth.len()];
     let mut wanted = Vec::new();
-    for (pixel, z) in depth.iter().enumerate() {
-        if *z <= 0.0 {
-            continue;
-        }
-        let h = n.dot(&rays.point(pixel, *z)) + offset;
-        let deviation = scatter * sensor.deviation(f64::from(*z)) as f32;
+    let mut heights = vec![0.0_f32; depth.len()];
+    for (pixel, z) in depth.iter().enumerate().filter(|(_, z)| **z > 0.0) {
+        let h = table.height(&rays.point(pixel, *z));
+        heights[pixel] = h;
+        let deviation = relative * sensor.deviation(f64::from(*z)) as f32;
         if h > LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * deviation) && h < MOST_HEIGHT_M {
             state[pixel] = 1;
             wanted.push(pixel as u32);
@@ -64,19 +89,186 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     let joint = Joint::new(rays, sensor);
     let found = pieces_by_core(rays, depth, &joint, &wanted, &mut state);
     let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
-    let mut next = 1_u16;
+    let (mut next, mut standing) = (1_u16, Vec::new());
     for piece in found {
-        if piece.pixels.len() < LEAST_PIXELS {
+        if piece.pixels.len() < LEAST_PIXELS || !stands_on(rays, depth, &table, &heights, &piece) {
             continue;
         }
         piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
+        standing.push(piece);
         next = next.saturating_add(1);
+    }
+    let support = LocalSupport { plane: main.plane, deviation_m: f64::from(table.deviation_m) };
+    let mut floors = Floors { rays, depth, sensor, support, heights: &heights, state };
+    floors.state.fill(0);
+    let standing = bridged(&mut floors, &table, standing, &mut labels);
+    for (i, piece) in standing.iter().enumerate().filter(|(_, piece)| !piece.pixels.is_empty()) {
+        floors.within(&labels, &piece.pixels).iter().for_each(|pixel| labels[*pixel as usize] = i as u16 + 1);
     }
     let size = [rays.width(), rays.height()];
     // Dark and glossy sides have no reading: they belong to the one object that they lie at.
     fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
     fill(&mut labels, size, |_| true, 1.0);
     labels
+}
+
+/// Pieces of one object that a dark or glossy part without readings separates, or the near rim of a vessel, as one. Both border on that
+/// part or on each other, and one stands within the other's outline on the table, or together they enclose a floor.
+fn bridged(floors: &mut Floors<'_>, table: &TableSurface, standing: Vec<Piece>, labels: &mut [u16]) -> Vec<Piece> {
+    let (rays, depth) = (floors.rays, floors.depth);
+    let outlines: Vec<Outline> = standing.iter().map(|piece| Outline::of(rays, depth, table, floors.heights, piece)).collect();
+    let of = |label: u16| usize::from(label) - 1;
+    // The object that each one, by its label, is a part of.
+    let mut whole: Vec<u16> = (0..=standing.len() as u16).collect();
+    let join = |whole: &mut Vec<u16>, a: u16, b: u16| {
+        let pair = [whole[usize::from(a)], whole[usize::from(b)]];
+        let (from, to) = (pair[0].max(pair[1]), pair[0].min(pair[1]));
+        whole.iter_mut().filter(|other| **other == from).for_each(|other| *other = to);
+    };
+    for [a, b] in touching(labels, rays.width()) {
+        if !outlines[of(a)].is_beside(&outlines[of(b)]) {
+            continue;
+        }
+        let mut is_one = outlines[of(a)].both(&outlines[of(b)]) < WITHIN;
+        if !is_one {
+            let pair = [&standing[of(a)].pixels[..], &standing[of(b)].pixels[..]].concat();
+            is_one = floors.within(labels, &pair).len() as f64 > FLOOR_SHARE * pair.len() as f64;
+        }
+        if is_one {
+            join(&mut whole, a, b);
+        }
+    }
+    for beside in around_dark_parts(labels, depth, [rays.width(), rays.height()]) {
+        for (i, a) in beside.iter().enumerate().skip(1) {
+            for b in &beside[..i] {
+                if outlines[of(*a)].both(&outlines[of(*b)]) < WITHIN_DARK {
+                    join(&mut whole, *a, *b);
+                }
+            }
+        }
+    }
+    labels.iter_mut().for_each(|label| *label = whole[usize::from(*label)]);
+    let mut joined: Vec<Piece> = standing.iter().map(|_| Piece::default()).collect();
+    for (i, piece) in standing.into_iter().enumerate() {
+        joined[usize::from(whole[i + 1]) - 1].pixels.extend(piece.pixels);
+    }
+    joined
+}
+
+/// Where a piece stands on its table.
+struct Outline {
+    hull: Vec<Vector2<f32>>,
+    area: f32,
+    low: f32,
+    high: f32,
+}
+
+impl Outline {
+    fn of(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], piece: &Piece) -> Self {
+        let some = samples(rays, depth, &piece.pixels);
+        let hull = convex_hull(some.iter().map(|(point, _)| table.see(point)).collect());
+        let own: Vec<f32> = some.iter().map(|(_, pixel)| heights[*pixel as usize]).collect();
+        Self { area: area(&hull), hull, low: percentile(&own, 0.05), high: percentile(&own, 0.95) }
+    }
+
+    /// How large the outline of two together is, as a multiple of the larger one.
+    fn both(&self, other: &Self) -> f32 {
+        area(&convex_hull(self.hull.iter().chain(&other.hull).copied().collect())) / self.area.max(other.area).max(1e-9)
+    }
+
+    /// Whether two are at the same height: what stands on another is another.
+    fn is_beside(&self, other: &Self) -> bool {
+        let overlap = self.high.min(other.high) - self.low.max(other.low);
+        overlap > 0.5 * (self.high - self.low).min(other.high - other.low)
+    }
+}
+
+/// Pairs of labels that meet within a few pixels, along a row or a column.
+fn touching(labels: &[u16], width: usize) -> std::collections::BTreeSet<[u16; 2]> {
+    let mut found = std::collections::BTreeSet::new();
+    for (pixel, label) in labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+        for step in [MEETING, MEETING * width] {
+            let is_inside = step >= width || pixel % width + MEETING < width;
+            if let Some(other) = labels.get(pixel + step).filter(|other| is_inside && **other > 0 && *other != label) {
+                found.insert([*label.min(other), *label.max(other)]);
+            }
+        }
+    }
+    found
+}
+
+/// For each region without readings, the labels that border on it along much of its edge.
+fn around_dark_parts(labels: &[u16], depth: &[f32], [width, height]: [usize; 2]) -> Vec<Vec<u16>> {
+    let is_dark = |pixel: usize| labels[pixel] == 0 && depth[pixel] == 0.0;
+    let mut found = Vec::new();
+    let mut seen = vec![false; labels.len()];
+    for start in 0..labels.len() {
+        if seen[start] || !is_dark(start) {
+            continue;
+        }
+        seen[start] = true;
+        let mut region = vec![start];
+        let (mut next, mut edge) = (0, 0_usize);
+        let mut beside = std::collections::BTreeMap::<u16, usize>::new();
+        while let Some(pixel) = region.get(next).copied() {
+            next += 1;
+            for other in neighbours(FOUR, pixel, width, height) {
+                if !is_dark(other) {
+                    edge += 1;
+                    *beside.entry(labels[other]).or_default() += 1;
+                } else if !seen[other] {
+                    seen[other] = true;
+                    region.push(other);
+                }
+            }
+        }
+        beside.retain(|label, n| *label > 0 && *n as f64 >= BRIDGE_LEAST * edge as f64);
+        if beside.len() > 1 {
+            found.push(beside.into_keys().collect());
+        }
+    }
+    found
+}
+
+/// Looks for low readings that objects enclose.
+struct Floors<'a> {
+    rays: &'a Rays,
+    depth: &'a [f32],
+    sensor: &'a SensorModel,
+    support: LocalSupport,
+    heights: &'a [f32],
+    state: Vec<u8>,
+}
+
+impl Floors<'_> {
+    /// Unlabelled readings that some pixels enclose.
+    fn within(&mut self, labels: &[u16], pixels: &[u32]) -> Vec<u32> {
+        let width = self.rays.width();
+        let [left, right, top, bottom] = pixels.iter().fold([usize::MAX, 0, usize::MAX, 0], |[l, r, t, b], pixel| {
+            let (u, v) = (*pixel as usize % width, *pixel as usize / width);
+            [l.min(u), r.max(u), t.min(v), b.max(v)]
+        });
+        let is_low = |pixel: &usize| labels[*pixel] == 0 && self.depth[*pixel] > 0.0 && self.heights[*pixel].abs() < FLOOR_M;
+        let around = (top..=bottom).flat_map(|v| v * width + left..=v * width + right);
+        let low: Vec<(u32, f32)> = around.filter(is_low).map(|pixel| (pixel as u32, self.heights[pixel])).collect();
+        let joint = Joint::new(self.rays, self.sensor);
+        let scene = Scene { rays: self.rays, depth: self.depth, labels, sensor: self.sensor, joint };
+        let found = enclosed(&scene, &self.support, pixels, &low, &mut self.state, [1, 2]);
+        low.iter().for_each(|(pixel, _)| self.state[*pixel as usize] = 0);
+        found
+    }
+}
+
+/// Whether a piece lies over the table, reaches down near to it, and is more than noise.
+fn stands_on(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], piece: &Piece) -> bool {
+    let step = piece.pixels.len().div_ceil(OUTLINE_SAMPLES).max(1);
+    let some: Vec<u32> = piece.pixels.iter().step_by(step).copied().collect();
+    let over = some.iter().filter(|pixel| table.inside_by(&rays.point(**pixel as usize, depth[**pixel as usize])) > -OVER_EDGE_M).count();
+    let own: Vec<f32> = some.iter().map(|pixel| heights[*pixel as usize]).collect();
+    let pitch = rays.pitch(depth[piece.pixels[0] as usize]);
+    let area = pitch * pitch * piece.pixels.len() as f32;
+    let is_speck = percentile(&own, 0.9) < SPECK_HEIGHT * LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * table.deviation_m) && area < SPECK_M2;
+    3 * over >= some.len() && percentile(&own, 0.02) < FLOATING_M && !is_speck
 }
 
 const WANTED: u8 = 1;
@@ -117,32 +309,37 @@ fn pieces_by_core(rays: &Rays, depth: &[f32], joint: &Joint, wanted: &[u32], sta
     found
 }
 
+const UNSEEN: u8 = 0;
+const CLOSED: u8 = 1;
+const OPEN: u8 = 2;
+
 /// Gives regions of free pixels to the segment that borders on them along at least a share of their edge, if no other does and they do not
 /// reach the border of the image; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
 fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize) -> bool, least_share: f64) {
     let mut sizes = vec![0_usize; usize::from(u16::MAX) + 1];
     labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
-    let mut seen = vec![false; labels.len()];
+    let largest = MOST_FILL * sizes[1..].iter().max().unwrap_or(&0);
+    let mut seen = vec![UNSEEN; labels.len()];
     for start in 0..labels.len() {
-        if seen[start] || labels[start] != 0 || !is_free(start) {
+        if seen[start] != UNSEEN || labels[start] != 0 || !is_free(start) {
             continue;
         }
-        seen[start] = true;
+        seen[start] = CLOSED;
         let mut region = vec![start];
         let (mut next, mut around, mut is_open) = (0, None, false);
         let (mut edge, mut beside) = (0_usize, 0_usize);
-        while let Some(pixel) = region.get(next).copied() {
+        while let Some(pixel) = region.get(next).copied().filter(|_| !is_open) {
             next += 1;
             let (u, v) = (pixel % width, pixel / width);
-            is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height;
+            is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height || region.len() > largest;
             for other in neighbours(FOUR, pixel, width, height) {
                 match labels[other] {
                     0 if !is_free(other) => edge += 1,
-                    0 if !seen[other] => {
-                        seen[other] = true;
+                    0 if seen[other] == UNSEEN => {
+                        seen[other] = CLOSED;
                         region.push(other);
                     }
-                    0 => {}
+                    0 => is_open |= seen[other] == OPEN,
                     label => {
                         (edge, beside) = (edge + 1, beside + 1);
                         is_open |= around.is_some_and(|known| known != label);
@@ -150,6 +347,10 @@ fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize)
                     }
                 }
             }
+        }
+        if is_open {
+            // What is left of the region finds this, and ends there.
+            region.iter().for_each(|pixel| seen[*pixel] = OPEN);
         }
         if let Some(label) = around
             .filter(|label| !is_open && beside as f64 >= least_share * edge as f64 && region.len() < MOST_FILL * sizes[usize::from(*label)])
@@ -193,4 +394,56 @@ fn merged(rays: &Rays, depth: &[f32], mut pieces: Vec<Piece>) -> Vec<Piece> {
     }
     pieces.retain(|piece| !piece.pixels.is_empty());
     pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::supports::{SupportSearch, find_table};
+    use crate::test_scene::{TestScene, Thing};
+
+    fn segmented(scene: &TestScene) -> Vec<u16> {
+        let sensor = SensorModel::default();
+        let supports = find_table(&scene.rays, &scene.depth, &sensor, &SupportSearch::default()).unwrap();
+        segment(&scene.rays, &scene.depth, &sensor, &supports)
+    }
+
+    /// For each thing the largest overlap over union of a segment with it; and the number of segments.
+    fn overlaps(scene: &TestScene, found: &[u16], things: u16) -> (Vec<f64>, usize) {
+        let count = found.iter().copied().max().unwrap_or(0);
+        let of = |thing: u16, label: u16| {
+            let pairs = scene.labels.iter().zip(found).map(|(a, b)| (*a == thing, *b == label));
+            let (both, any) = pairs.fold((0, 0), |(both, any), (a, b)| (both + u32::from(a && b), any + u32::from(a || b)));
+            f64::from(both) / f64::from(any)
+        };
+        let best = (1..=things).map(|thing| (1..=count).map(|label| of(thing, label)).fold(0.0, f64::max)).collect();
+        (best, (1..=count).filter(|label| found.contains(label)).count())
+    }
+
+    #[test]
+    fn each_thing_on_a_table_is_one_segment_with_its_floor() {
+        let things = [
+            Thing::Cup([-0.15, 0.5], 0.07, 0.06, 0.004),
+            Thing::Box([0.05, 0.6], [0.03, 0.03], 0.12),
+            Thing::Box([0.2, 0.45], [0.05, 0.03], 0.02),
+        ];
+        let scene = TestScene::new(&things, 0.7);
+        let (best, count) = overlaps(&scene, &segmented(&scene), 3);
+        assert!(best.iter().all(|overlap| *overlap > 0.85), "{best:?}");
+        assert_eq!(count, 3, "and no speck is one");
+    }
+
+    #[test]
+    fn a_dark_band_about_a_can_leaves_it_one_object_and_an_empty_table_has_none() {
+        let mut scene = TestScene::new(&[Thing::Box([0.0, 0.55], [0.035, 0.035], 0.13)], 0.5);
+        let front: Vec<u32> = scene.pixels(&scene.labels, 1);
+        let rows = front.iter().map(|pixel| *pixel as usize / 320);
+        let (top, bottom) = (rows.clone().min().unwrap(), rows.max().unwrap());
+        let dark = top + (bottom - top) / 2..top + (bottom - top) * 7 / 10;
+        front.iter().filter(|pixel| dark.contains(&(**pixel as usize / 320))).for_each(|pixel| scene.depth[*pixel as usize] = 0.0);
+        let (best, count) = overlaps(&scene, &segmented(&scene), 1);
+        assert!(best[0] > 0.85 && count == 1, "{best:?} of {count}");
+        let bare = TestScene::new(&[], 1.0);
+        assert!(segmented(&bare).iter().all(|label| *label == 0));
+    }
 }

@@ -1,0 +1,77 @@
+//! Points as seen along the normal of a plane, and their convex hull.
+
+use nalgebra::{Vector2, Vector3};
+
+/// Coordinates on a plane.
+pub struct PlanView {
+    x: Vector3<f32>,
+    y: Vector3<f32>,
+}
+
+impl PlanView {
+    /// Of a plane with that unit normal.
+    pub fn of(normal: &Vector3<f32>) -> Self {
+        let axis = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+        let x = (axis - normal * normal.dot(&axis)).normalize();
+        Self { x, y: normal.cross(&x) }
+    }
+
+    /// The coordinates of a point.
+    #[inline]
+    pub fn see(&self, point: &Vector3<f32>) -> Vector2<f32> {
+        Vector2::new(self.x.dot(point), self.y.dot(point))
+    }
+}
+
+/// The corners of the convex hull of some points, counter-clockwise (Andrew's monotone chain, 1979).
+pub fn convex_hull(mut points: Vec<Vector2<f32>>) -> Vec<Vector2<f32>> {
+    points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let turns_left = |a: &Vector2<f32>, b: &Vector2<f32>, c: &Vector2<f32>| (b - a).perp(&(c - a)) > 0.0;
+    let mut hull: Vec<Vector2<f32>> = Vec::new();
+    let mut half = |points: &mut dyn Iterator<Item = &Vector2<f32>>| {
+        let first = hull.len();
+        for point in points {
+            while hull.len() >= first + 2 && !turns_left(&hull[hull.len() - 2], &hull[hull.len() - 1], point) {
+                hull.pop();
+            }
+            hull.push(*point);
+        }
+        // The last corner is the other half's first.
+        hull.pop();
+    };
+    half(&mut points.iter());
+    half(&mut points.iter().rev());
+    hull
+}
+
+/// How far a point lies inside of a convex polygon; negative outside, and where there is no polygon.
+pub fn inside_by(hull: &[Vector2<f32>], point: &Vector2<f32>) -> f32 {
+    if hull.len() < 3 {
+        return -1.0;
+    }
+    let sides = hull.iter().zip(hull.iter().cycle().skip(1));
+    let off = sides.map(|(a, b)| (b - a).perp(&(point - a)) / (b - a).norm().max(1e-9));
+    off.fold(f32::INFINITY, f32::min)
+}
+
+/// The area of a convex polygon.
+pub fn area(hull: &[Vector2<f32>]) -> f32 {
+    let sides = hull.iter().zip(hull.iter().cycle().skip(1));
+    0.5 * sides.map(|(a, b)| a.perp(b)).sum::<f32>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hull_of_a_square_with_points_inside_is_the_square() {
+        let points = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [1.0, 0.0], [0.5, 1.5]];
+        let hull = convex_hull(points.iter().map(|[x, y]| Vector2::new(*x, *y)).collect());
+        assert_eq!(hull, [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vector2::new(x, y)));
+        assert_eq!(area(&hull), 4.0);
+        assert_eq!(inside_by(&hull, &Vector2::new(1.0, 0.25)), 0.25);
+        assert_eq!(inside_by(&hull, &Vector2::new(3.0, 1.0)), -1.0);
+        assert!(inside_by(&hull[..2], &Vector2::new(1.0, 0.0)) < 0.0);
+    }
+}
