@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Most features: of few components, and of many, so that the model does not grow.
-const FEATURES: [usize; 2] = [64, 48];
+const FEATURES: [usize; 2] = [64, 36];
 const FEW_COMPONENTS: usize = 12;
 /// Views from which the features are learned.
 const FEATURE_VIEWS: (usize, usize) = (300, 2000);

@@ -17,6 +17,8 @@ pub struct Conditions {
     pub occluder: Option<[f64; 4]>,
     /// Whether neighbouring pixels share their noise, as they share what the sensor matches.
     pub shared_noise: bool,
+    /// Half the width of the window over which a sensor that matches patterns averages, pixels: edges are rounded, bends flattened.
+    pub window: u32,
     /// Depths are rounded to multiples of this.
     pub step: f64,
     /// Angles between the surface's normal and the ray from which on some and all readings are missing, radians; zeros for none.

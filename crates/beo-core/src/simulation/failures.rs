@@ -3,6 +3,7 @@
 //! | failure | where it comes from |
 //! | --- | --- |
 //! | noise that neighbours share, steps of depth | Nguyen, Izadi and Lovell, "Modeling Kinect sensor noise", 3DIMPVT 2012 |
+//! | rounded edges and flattened bends | the window over which patterns are matched, nine pixels and more in structured light and stereo |
 //! | no reading at grazing angles, on glossy lids, inside vessels | light that is mirrored away, or blocked by the wall |
 //! | readings between two surfaces at edges | a pixel that sees both |
 //! | masks that are shifted, too wide or too narrow | hand-drawn and learned segmentation |
@@ -87,6 +88,7 @@ impl Sensing {
             conditions.strip = 0.0;
         }
         conditions.shared_noise = true;
+        conditions.window = if kind == SensorKind::TimeOfFlight { 0 } else { between([0.0, 3.5]) as u32 };
         conditions.grazing_rad = grazing.map(f64::to_radians);
         conditions.lid = if glossy { between([0.2, 1.0]) } else { 0.0 };
         conditions.inside = if inside { between([0.2, 1.0]) } else { 0.0 };

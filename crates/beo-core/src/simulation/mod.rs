@@ -23,6 +23,8 @@ use std::f64::consts::TAU;
 const SIDE: u32 = 72;
 /// Label of the object.
 const OBJECT: u16 = 1;
+/// Readings of a window whose depths differ by a larger share of the object's longest side are of different surfaces, and not averaged.
+const ONE_SURFACE: f64 = 0.12;
 /// Label of what is before it.
 const OCCLUDER: u16 = 2;
 
@@ -240,6 +242,7 @@ impl View {
                 }
             }
         }
+        self.average(conditions.window, (ONE_SURFACE * size) as f32);
         let gaussian = |rng: &mut dyn FnMut() -> f64| -> f64 {
             let [a, b] = [rng(), rng()];
             // Box and Muller's Gaussian.
@@ -265,6 +268,28 @@ impl View {
                     *depth = 0.0;
                 }
             }
+        }
+    }
+
+    /// Averages the object's readings over windows of so many pixels to each side, leaving out what is deeper or nearer by `most` voxels.
+    fn average(&mut self, window: u32, most: f32) {
+        if window == 0 {
+            return;
+        }
+        let (exact, reach, side) = (self.depth.clone(), window as i32, SIDE as i32);
+        for pixel in (0..exact.len()).filter(|pixel| self.labels[*pixel] == OBJECT && exact[*pixel] > 0.0) {
+            let (u, v) = (pixel as i32 % side, pixel as i32 / side);
+            let (mut sum, mut count) = (0.0, 0.0_f32);
+            for (x, y) in (-reach..=reach).flat_map(|dv| (-reach..=reach).map(move |du| (u + du, v + dv))) {
+                if !(0..side).contains(&x) || !(0..side).contains(&y) {
+                    continue;
+                }
+                let at = (y * side + x) as usize;
+                if self.labels[at] == OBJECT && exact[at] > 0.0 && (exact[at] - exact[pixel]).abs() < most {
+                    (sum, count) = (sum + exact[at], count + 1.0);
+                }
+            }
+            self.depth[pixel] = sum / count.max(1.0);
         }
     }
 

@@ -1,4 +1,4 @@
-//! Boxes: of cardboard, books, open ones, and cartons of drinks.
+//! Boxes: of cardboard, plastic and tin, open ones, and cartons of drinks. Books are left out: nobody calls one a box.
 //!
 //! Canonical: upright on the smallest face, the middle side along x. How boxes lie is a matter of resting poses, not of shapes.
 //!
@@ -11,7 +11,7 @@ use super::solid::Solid;
 use nalgebra::{Point3, Rotation3, Vector3};
 
 /// Typical boxes, metres, longest side first.
-const TYPICAL: [[f64; 3]; 22] = [
+const TYPICAL: [[f64; 3]; 19] = [
     [0.210, 0.160, 0.060], // cereals, crackers
     [0.300, 0.195, 0.065], // cereals, large
     [0.230, 0.160, 0.070], // biscuits
@@ -28,9 +28,6 @@ const TYPICAL: [[f64; 3]; 22] = [
     [0.100, 0.100, 0.100], // a cube
     [0.120, 0.115, 0.110], // tissues, cube
     [0.235, 0.120, 0.085], // tissues
-    [0.240, 0.170, 0.025], // a book
-    [0.210, 0.148, 0.018], // a book, A5
-    [0.180, 0.110, 0.022], // a paperback
     [0.215, 0.103, 0.065], // a brick
     [0.150, 0.100, 0.055], // a food box of plastic
     [0.165, 0.080, 0.050], // a telephone's

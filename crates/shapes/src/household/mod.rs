@@ -3,7 +3,7 @@
 //! | file | what |
 //! | --- | --- |
 //! | `solid` | the closed surfaces that things are put together from |
-//! | `carton` | boxes, books, cartons of drinks, open boxes |
+//! | `carton` | boxes, cartons of drinks, open boxes |
 //! | `can` | cans, tubes |
 //! | `bottle` | bottles, jugs, sprayers |
 //! | `vessel` | mugs and tumblers, bowls, plates; some with something in them |
