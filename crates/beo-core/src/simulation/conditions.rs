@@ -35,6 +35,8 @@ pub struct Conditions {
     pub mask_growth: i32,
     /// Readings of the mask lower than this above the table are not taken for the object's.
     pub cut: f64,
+    /// Whether the floors of vessels are taken for the object's all the same: they are enclosed by its rim.
+    pub keeps_floors: bool,
     /// Pixels that the longest side spans; `None` for most of the image.
     pub pixels: Option<f64>,
 }

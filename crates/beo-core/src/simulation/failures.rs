@@ -48,6 +48,9 @@ const FOCALS: [f64; 2] = [420.0, 620.0];
 /// Readings lower than this above the table are not told from the table's, metres.
 const CUT_M: [f64; 2] = [0.003, 0.014];
 
+/// Of so many vessels the floor is known for the vessel's.
+const FLOORS_KEPT: f64 = 0.7;
+
 impl Sensing {
     /// Distance of the camera in longest sides of an object that measures `side_m` metres, if that is known, and what it meets there.
     pub fn draw(self, side_m: Option<f64>, rng: &mut impl Rng) -> (f64, Conditions) {
@@ -88,6 +91,7 @@ impl Sensing {
             conditions.strip = 0.0;
         }
         conditions.shared_noise = true;
+        conditions.keeps_floors = between([0.0, 1.0]) < FLOORS_KEPT;
         conditions.window = if kind == SensorKind::TimeOfFlight { 0 } else { between([0.0, 3.5]) as u32 };
         conditions.grazing_rad = grazing.map(f64::to_radians);
         conditions.lid = if glossy { between([0.2, 1.0]) } else { 0.0 };

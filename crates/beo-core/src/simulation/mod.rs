@@ -97,7 +97,7 @@ impl View {
         view.lose(conditions, object, rng);
         view.cover(conditions);
         view.spoil(conditions, size, focal / eye.distance, rng);
-        view.mislabel(conditions, size);
+        view.mislabel(conditions, object, size);
         Some(view)
     }
 
@@ -162,7 +162,7 @@ impl View {
     }
 
     /// Applies the faults of the mask, and takes out of it what lies on the table or far behind.
-    fn mislabel(&mut self, conditions: &Conditions, size: f64) {
+    fn mislabel(&mut self, conditions: &Conditions, object: &Occupancy, size: f64) {
         if conditions.mask_growth != 0 || conditions.mask_shift != [0.0; 2] {
             let exact = self.labels.clone();
             let shift = conditions.mask_shift.map(|v| v.round() as i32);
@@ -194,8 +194,13 @@ impl View {
             let frame = Frame::new(&self.intrinsics, &self.depth, &self.labels);
             let Ok(frame) = frame else { return };
             let farthest = self.object_to_camera.translation.vector.z + 1.2 * size;
+            let hollow = conditions.keeps_floors.then(|| Hollow::new(object));
+            let back = self.object_to_camera.inverse();
             let is_left = |pixel: usize| {
                 let Some(point) = frame.point(pixel) else { return true };
+                if hollow.as_ref().is_some_and(|hollow| hollow.holds(&(back * point))) {
+                    return false;
+                }
                 let low = self.table.is_some_and(|table| table.height(&point) < conditions.cut * size);
                 low || point.z > farthest
             };
