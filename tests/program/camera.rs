@@ -133,6 +133,27 @@ fn every_object_ends_as_a_percept_at_its_place_or_a_stated_reason() {
     }
 }
 
+#[test]
+fn of_a_sequence_the_class_of_an_object_is_filtered() {
+    let folder = tempfile::tempdir().unwrap();
+    let (depth, labels) = render(&usual());
+    ["a", "b"].iter().for_each(|name| write(folder.path(), name, &depth, &labels));
+    let name = instance();
+    let _daemon = serve(&name);
+    let subscriber = Subscriber::open_within(&InstanceName::new(&name).unwrap(), &SubscriberOptions::default(), PATIENCE).unwrap();
+    let mut play = |arguments: &[&str]| {
+        let (code, said, errors) = beo_camera(folder.path(), &[&["--instance", &name], arguments].concat());
+        assert_eq!(code, Some(0), "{said}{errors}");
+        percepts(&subscriber, 4).iter().map(|percept| (percept.object_id, percept.filtered)).collect::<Vec<_>>()
+    };
+    let mut alone = play(&[]);
+    alone.sort_unstable();
+    assert_eq!(alone, [(1, 0), (1, 0), (2, 0), (2, 0)]);
+    let mut tracked = play(&["--track"]);
+    tracked.sort_unstable();
+    assert_eq!(tracked, [(1, 0), (1, 1), (2, 0), (2, 1)]);
+}
+
 /// A grid that was written, and its frame in the world, with the camera where it was.
 struct Written {
     observation: Observation,

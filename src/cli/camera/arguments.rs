@@ -97,6 +97,10 @@ pub struct Camera {
     /// Name of the camera's frame [default: that of the camera_info's header, or `camera`]
     #[arg(long, value_name = "NAME")]
     pub(super) frame_id: Option<String>,
+    /// The frames are a sequence in which an object keeps its number: the daemon filters its class over them. Objects that it has not seen
+    /// for a while begin anew
+    #[arg(long, conflicts_with = "out")]
+    pub(super) track: bool,
     /// Objects do not move: each frame adds to what the ones before saw of them. Needs --trajectory or a BOP scene with poses
     #[arg(long, conflicts_with = "without_end")]
     pub(super) fuse: bool,
@@ -270,7 +274,7 @@ impl Camera {
             PoseArgument::Full => PoseSearch::Full,
             PoseArgument::Rest => PoseSearch::Rest,
         };
-        ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
+        ObservationHeader { pose_search: pose.code(), continues: u32::from(self.track), ..ObservationHeader::new(dims) }
     }
 }
 

@@ -62,6 +62,8 @@ impl Sink for Daemon {
         *loan.header_mut() = ObservationHeader {
             producer_id: template.producer_id,
             pose_search: template.pose_search,
+            continued_object_id: carver.object.into(),
+            continues: template.continues,
             capture_ns: of.captured_ns,
             sensor_stamp_ns: of.stamp_ns,
             frame_id: to_field(of.frame_id),
