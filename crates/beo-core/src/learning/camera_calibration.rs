@@ -12,7 +12,6 @@ use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
 use crate::perception::scored::Scored as PerceptScores;
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
-use crate::simulation::Sensing;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -169,17 +168,7 @@ pub fn calibrate(
         log_loss: with_forest.log_loss,
     };
     let samples: Vec<Sample> = scored.into_iter().take(MOST_PLACED).map(|view| view.sample).collect();
-    let ideal = |(class, place, view): &(usize, usize, usize)| -> Option<Sample> {
-        let mut rng = stream(seed, 1 << 24 | *class as u64, (*place * SEEN + *view) as u64);
-        let (_, at_rest) = rests(parts, *class, left_out.held[*class][*place], &mut rng)?;
-        let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
-        at_rest.see(rng.random_range(0.0..TAU), elevation, Sensing::Ideal, &mut rng)
-    };
-    let ideal: Vec<Sample> = chosen.par_iter().take(MOST_PLACED).filter_map(ideal).collect();
-    let cameras = (scores, calibration.clone());
-    let both = spread(left_out, classes, views.lying, &cameras, &ideal)?;
-    tracing::debug!(spread = ?both, "IDEAL");
-    calibration.spread = spread(left_out, classes, views.lying, &cameras, &samples)?;
+    calibration.spread = spread(left_out, classes, views.lying, (scores, calibration.clone()), &samples)?;
     tracing::debug!(spread = ?calibration.spread, "deviations of place and size on shapes that were left out");
     Ok(calibration)
 }
@@ -199,7 +188,7 @@ fn spread(
     left_out: &LeftOut<'_>,
     classes: usize,
     lying: bool,
-    cameras: &(CameraScores, CameraCalibration),
+    cameras: (CameraScores, CameraCalibration),
     samples: &[Sample],
 ) -> Result<Option<CameraSpread>, PerceiveError> {
     let wanted = vec![true; classes];
@@ -220,7 +209,7 @@ fn spread(
             evidence: &left_out.evidence,
             evidence_blend: left_out.evidence_blend,
             longest_side: left_out.longest_side,
-            cameras: Some(cameras),
+            cameras: Some(&cameras),
             query: &query,
             wanted: &wanted,
         };
@@ -246,24 +235,6 @@ fn spread(
         let mut values: Vec<f64> = errors.iter().map(|error| error[which][axis]).collect();
         one_deviation(&mut values).clamp(LEAST_SPREAD, MOST_SPREAD)
     };
-    for which in 0..2 {
-        for axis in 0..3 {
-            let mut values: Vec<f64> = errors.iter().map(|error| error[which][axis]).collect();
-            values.sort_unstable_by(f64::total_cmp);
-            let q = |p: f64| values[(p * (values.len() - 1) as f64) as usize];
-            tracing::debug!(
-                which,
-                axis,
-                median = q(0.5) / 0.6745,
-                q683 = q(0.683),
-                q80 = q(0.8) / 1.2816,
-                q95 = q(0.954) / 2.0,
-                rms = (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt(),
-                n = values.len(),
-                "QUANT"
-            );
-        }
-    }
     let factors = |which: usize| std::array::from_fn(|axis| factor(which, axis));
     Ok(Some(CameraSpread { place: factors(0), extent: factors(1) }))
 }

@@ -207,7 +207,7 @@ impl AtRest {
         // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
         let axes = yaw(-turned);
         let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
-        if !matches!(sensing, Sensing::Ideal | Sensing::Mild) && points.len() < LEAST_READINGS {
+        if sensing != Sensing::Mild && points.len() < LEAST_READINGS {
             return None;
         }
         let first = points.first()?;

@@ -28,8 +28,6 @@ pub enum SensorKind {
 /// Under which conditions training views are seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sensing {
-    /// Nothing gets in the way: no noise, no table, nothing before the object, masks without faults.
-    Ideal,
     /// Little noise, near by, masks without faults: for shapes whose size is not known.
     #[default]
     Mild,
@@ -55,7 +53,6 @@ impl Sensing {
     /// Distance of the camera in longest sides of an object that measures `side_m` metres, if that is known, and what it meets there.
     pub fn draw(self, side_m: Option<f64>, rng: &mut impl Rng) -> (f64, Conditions) {
         let kind = match self {
-            Self::Ideal => return (rng.random_range(SIDES[0]..6.0), Conditions::default()),
             Self::Mild => {
                 let conditions = Conditions::draw(rng);
                 return (rng.random_range(SIDES[0]..6.0), conditions);
