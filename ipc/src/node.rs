@@ -11,6 +11,9 @@ use crate::orphans;
 /// The variant of iceoryx2's services that is used: between processes, its handles usable from any thread.
 pub(crate) type Ipc = ipc_threadsafe::Service;
 
+/// Connections to peers that are gone, with something in them that was not taken, which are kept for each channel.
+const KEPT_CONNECTIONS: usize = 16;
+
 /// The configuration of every node of beo: where things are and how they are named is iceoryx2's built-in default, so that other iceoryx2
 /// programs find the services.
 ///
@@ -20,6 +23,9 @@ pub fn config() -> Config {
     let mut config = Config::default();
     config.global.node.cleanup_dead_nodes_on_creation = false;
     config.global.node.cleanup_dead_nodes_on_destruction = false;
+    // Of daemons that are gone, the connections with something in them are kept until it is taken. Whoever takes nothing keeps no more than
+    // these, and whoever holds samples of as many daemons at a time is none that we know.
+    config.defaults.publish_subscribe.subscriber_expired_connection_buffer = KEPT_CONNECTIONS;
     config
 }
 

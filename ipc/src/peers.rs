@@ -27,6 +27,7 @@ pub(crate) struct Peers {
     /// How many they were, and when that was seen.
     count: AtomicUsize,
     looked_ns: AtomicU64,
+    changes: AtomicU64,
 }
 
 impl Peers {
@@ -60,6 +61,11 @@ impl Peers {
         self.settle(present)
     }
 
+    /// How often they have changed.
+    pub fn changes(&self) -> u64 {
+        self.changes.load(Ordering::Relaxed)
+    }
+
     fn settle(&self, present: Fingerprint) -> bool {
         if self.present.load(Ordering::Relaxed) == present.0 {
             return true;
@@ -70,6 +76,7 @@ impl Peers {
         }
         let settled = has_room.is_ok() && orphans::remove_and_wait(&node::prefix());
         if settled {
+            self.changes.fetch_add(1, Ordering::Relaxed);
             self.present.store(present.0, Ordering::Relaxed);
         } else {
             self.looked_ns.store(0, Ordering::Relaxed);

@@ -1,6 +1,7 @@
 //! The end of whoever wants to know: percepts, completions and the daemon's status.
 
 use std::os::fd::BorrowedFd;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -39,6 +40,8 @@ pub struct Subscriber {
     perceived: Listener<Ipc>,
     last_status: Mutex<Option<Status>>,
     gaps: Mutex<Gaps>,
+    /// The changes of daemons after which the statuses of those before were taken.
+    drained: AtomicU64,
     service: PerceptService,
     status_service: StatusService,
     /// Who was last received from: percepts, completions, statuses.
@@ -78,7 +81,8 @@ impl Subscriber {
         let status_service = channel::open_status(&node, instance)?;
         let statuses = channel::create_reader(&status_service)?;
         let (last_status, gaps, writers) = (Mutex::new(None), Mutex::default(), Default::default());
-        Ok(Self { percepts, completions, statuses, perceived, last_status, gaps, service, status_service, writers, node })
+        let drained = AtomicU64::new(0);
+        Ok(Self { percepts, completions, statuses, perceived, last_status, gaps, drained, service, status_service, writers, node })
     }
 
     /// As [`Subscriber::open`], but waits up to `timeout` for the daemon.
@@ -126,6 +130,11 @@ impl Subscriber {
     pub fn take_percept(&self) -> Result<Option<Percept>, ReceiveError> {
         if !self.writers[0].ready_to_receive(&self.service) {
             return Ok(None);
+        }
+        let changes = self.writers[0].changes();
+        if self.drained.swap(changes, Ordering::Relaxed) != changes {
+            // What a daemon that is gone said last keeps its connection, and the file of it, until it is taken.
+            self.status()?;
         }
         let Some(sample) = self.percepts.receive().map_err(channel::receive_error)? else { return Ok(None) };
         let percept = copy_of(sample.payload());

@@ -173,3 +173,40 @@ fn dims_of(dims: [u32; 3]) -> Option<Dims> {
 fn placement(position_m: [f64; 3], orientation: [f64; 4], voxel_size_m: f32) -> GridPlacement {
     GridPlacement { position_m, orientation: from_xyzw(orientation), voxel_size_m: f64::from(voxel_size_m) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foxglove::Decode;
+
+    /// The clouds of completions in a finished file.
+    fn clouds(path: &Path) -> Vec<PointCloud> {
+        let bytes = std::fs::read(path).unwrap();
+        let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+        let of_topic = messages.filter(|message| message.channel.topic == "/beo/completion_points");
+        of_topic.map(|message| PointCloud::decode(&message.data[..]).unwrap()).collect()
+    }
+
+    #[test]
+    fn a_completion_in_the_objects_frame_lies_as_the_object_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut recorder = Recorder::create(&path, BTreeMap::new()).unwrap();
+        let (mut occupancy, deviation) = (vec![0; 512], vec![0; 512]);
+        occupancy[300] = 255;
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        for frame in [CompletionFrame::Grid, CompletionFrame::Object] {
+            let header = CompletionHeader {
+                frame: frame.code(),
+                voxel_size_m: 0.01,
+                rotation_object_to_grid: [0.0, 0.0, half, half],
+                ..CompletionHeader::answering(&ObservationHeader::new([8; 3]))
+            };
+            recorder.completion(&header, &occupancy, &deviation, false, 5).unwrap();
+        }
+        recorder.finish().unwrap();
+        let turned: Vec<f64> = clouds(&path).iter().map(|cloud| cloud.pose.unwrap().orientation.unwrap().z).collect();
+        assert_eq!(turned.len(), 2);
+        assert!(turned[0].abs() < 1e-6 && (turned[1] - f64::from(half)).abs() < 1e-6, "{turned:?}");
+    }
+}

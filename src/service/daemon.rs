@@ -182,11 +182,7 @@ impl Daemon {
             self.status.failed += 1;
             tracing::error!(sequence = percept.sequence, reason = beo_ipc::text::from_field(&percept.explanation), "no answer");
         }
-        self.set_state(match (failed, &self.reload) {
-            (true, _) => DaemonState::Failing,
-            (false, Some(_)) => DaemonState::Reloading,
-            (false, None) => DaemonState::Serving,
-        });
+        self.set_state(state_after(failed, self.reload.is_some()));
         self.publish(&percept);
         let now = monotonic_ns();
         self.latencies.record(now, now.saturating_sub(waiting.received_ns));
@@ -350,6 +346,15 @@ impl Daemon {
     }
 }
 
+/// The state after an answer, which `failed` or not.
+fn state_after(failed: bool, is_reloading: bool) -> DaemonState {
+    match (failed, is_reloading) {
+        (true, _) => DaemonState::Failing,
+        (false, true) => DaemonState::Reloading,
+        (false, false) => DaemonState::Serving,
+    }
+}
+
 /// One line for the service manager.
 fn describe(answerer: &Answerer, status: &Status) -> String {
     let Status { received, answered, refused, dropped, overflowed, .. } = status;
@@ -366,5 +371,17 @@ fn refusal(error: &ObservationError, header: &ObservationHeader) -> Refusal {
             Refusal::BadVoxel { index: (i * ny + j) * nz + k, value: *code }
         }
         ObservationError::Length { found, .. } => Refusal::WrongLength { dims: header.dims, payload_len: *found },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_daemon_that_fails_says_so_until_it_answers_again() {
+        assert_eq!([true, false].map(|is_reloading| state_after(true, is_reloading)), [DaemonState::Failing; 2]);
+        assert_eq!(state_after(false, true), DaemonState::Reloading);
+        assert_eq!(state_after(false, false), DaemonState::Serving);
     }
 }

@@ -158,6 +158,22 @@ mod tests {
     }
 
     #[test]
+    fn a_producer_of_which_nothing_waits_has_no_turn() {
+        let mut streams = Streams::new(Dims::cube(8).unwrap());
+        let push = |streams: &mut Streams, origin: u64, object| {
+            streams.push(origin.into(), &header(origin, object, 1), &[0; 512], 0, || true).unwrap().unwrap();
+        };
+        (0..3).for_each(|_| push(&mut streams, 1, 0));
+        assert!(streams.pop().is_some() && streams.pop().is_none());
+        push(&mut streams, 2, 0);
+        push(&mut streams, 1, 0);
+        (1..4).for_each(|object| push(&mut streams, 2, object));
+        let order: Vec<u128> = (0..5).map(|_| streams.pop().expect("no turn is empty").origin).collect();
+        assert_eq!(order, [2, 1, 2, 2, 2]);
+        assert!(streams.pop().is_none());
+    }
+
+    #[test]
     fn the_queue_is_bounded_and_bad_voxels_do_not_enter_it() {
         let mut streams = Streams::new(Dims::cube(8).unwrap());
         let displaced: usize =

@@ -83,6 +83,19 @@ mod tests {
     }
 
     #[test]
+    fn an_object_that_is_seen_again_takes_nobodys_place() {
+        let mut tracks = Tracks::default();
+        (0..MOST_TRACKS as u64).for_each(|object| tracks.remember(1, object, object, belief(), None));
+        (0..10).for_each(|_| tracks.remember(1, 7, 300, belief(), None));
+        assert!((0..MOST_TRACKS as u64).all(|object| tracks.of(1, object, 300).is_some()), "there is room for all that were remembered");
+        // Where many are forgotten anyway, they make room, and who was seen lately stays.
+        tracks.remember(1, 7, FORGOTTEN_AFTER_NS + 300, belief(), None);
+        tracks.remember(1, 1000, FORGOTTEN_AFTER_NS + 300, belief(), None);
+        assert!([7, 1000].iter().all(|object| tracks.of(1, *object, FORGOTTEN_AFTER_NS + 301).is_some()));
+        assert_eq!(tracks.tracks.len(), 2);
+    }
+
+    #[test]
     fn an_object_that_was_not_seen_for_long_is_forgotten() {
         let mut tracks = Tracks::default();
         tracks.remember(1, 1, 5, belief(), None);

@@ -10,6 +10,7 @@ mod full_pose;
 mod harness;
 mod hostile;
 mod household;
+mod injection;
 mod large;
 mod leave_one_out;
 mod operations;

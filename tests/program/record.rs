@@ -121,6 +121,33 @@ fn a_recording_holds_every_observation_and_answer_in_foxgloves_schemas() {
     }
 }
 
+/// How long before its sending an observation was taken.
+const TAKEN_BEFORE_NS: u64 = 5_000_000_000;
+
+/// Of a recorder that is killed, all but the last second is there, however little it is.
+#[test]
+fn what_is_recorded_reaches_the_file_within_a_second_or_so() {
+    let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+    let out = folder.path().join("a.mcap");
+    let _daemon = serve(&name);
+    let mut recorder = Running::start(beo(["record", out.to_str().unwrap(), "--instance", &name]));
+    assert!(recorder.message().starts_with("recording"));
+    Client::new(&name).ask(|_, voxels| voxels[77] = 9);
+    let start = std::time::Instant::now();
+    let is_there = || {
+        let bytes = std::fs::read(&out).unwrap();
+        let messages = mcap::MessageStream::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into()).unwrap();
+        messages.map_while(Result::ok).any(|message| message.channel.topic == "/beo/percept")
+    };
+    while !is_there() {
+        assert!(start.elapsed() < PATIENCE, "the percept does not reach the file");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    recorder.signal(Signal::KILL);
+    assert!(!recorder.wait().success());
+    assert!(is_there());
+}
+
 #[test]
 fn a_recording_that_is_ended_by_a_signal_is_whole() {
     for signal in [Signal::INT, Signal::TERM] {
@@ -135,6 +162,8 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
         client.ask(|_, voxels| voxels[77] = 9);
         client.ask(|header, voxels| {
             header.object_id = 5;
+            // Taken long before it was sent: the time of a message is when the sensor saw it.
+            header.capture_ns -= TAKEN_BEFORE_NS;
             header.position_m = [0.5, -0.25, 1.0];
             header.voxel_size_m = 0.01;
             header.frame_id = beo_ipc::text::to_field("camera");
@@ -151,6 +180,8 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
         let topics = messages(&out);
         let clouds = decoded::<PointCloud>(&topics["/beo/observation"]);
         assert_eq!((clouds.len(), &*clouds[0].frame_id), (1, "camera"));
+        let times = &topics["/beo/observation"][0];
+        assert!(times.publish_ns + TAKEN_BEFORE_NS <= times.log_ns, "{} {}", times.publish_ns, times.log_ns);
         let pose = clouds[0].pose.unwrap().position.unwrap();
         assert_eq!([pose.x, pose.y, pose.z], [0.5, -0.25, 1.0]);
         // The highest layer of the block is the ninth of 16 voxels of a centimetre: its centre is half a voxel above the grid's.

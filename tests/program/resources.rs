@@ -255,6 +255,29 @@ fn a_model_that_holds_no_numbers_is_refused_with_the_tensors_name() {
     }
 }
 
+#[test]
+fn a_factor_without_a_positive_diagonal_and_another_spelling_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("remade.safetensors");
+    // −1 in half precision, in the first place of the first triangle.
+    let negative = |name: &str, bytes: &mut [u8]| {
+        if name == "view_whitening" {
+            bytes[..2].copy_from_slice(&[0x00, 0xbc]);
+        }
+    };
+    remade_with(&path, |_| {}, negative);
+    refused(&run(["inspect", path.to_str().unwrap()]), &["tensor `view_whitening`", "diagonal"]);
+    // A space where none was written changes no value, and no checksum of values.
+    let small = std::fs::read(model()).unwrap();
+    let length = u64::from_le_bytes(small[..8].try_into().unwrap()) as usize;
+    let text = std::str::from_utf8(&small[8..8 + length]).unwrap();
+    let other = text.replacen("{\\\"metadata\\\":", "{ \\\"metadata\\\":", 1);
+    assert_eq!(other.len(), text.len() + 1);
+    let bytes = [&(other.len() as u64).to_le_bytes(), other.as_bytes(), &small[8 + length..]].concat();
+    std::fs::write(&path, bytes).unwrap();
+    refused(&run(["inspect", path.to_str().unwrap()]), &["remade.safetensors", "not spelled as it was written"]);
+}
+
 /// The sum of the sizes overflowed before they were looked at.
 #[test]
 fn a_class_with_impossibly_many_components_is_refused() {
