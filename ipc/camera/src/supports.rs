@@ -348,14 +348,16 @@ mod tests {
             *z += 0.008 * ((pixel % 320) as f32 / 160.0 - 1.0).powi(2);
         }
         let local = supports_of(&scene, &scene.labels, &SupportSearch::default()).1.unwrap();
-        let around: Vec<f32> = scene
-            .widened(1, 12)
-            .iter()
-            .enumerate()
-            .filter(|(p, label)| **label == 1 && scene.labels[*p] == 0)
-            .map(|(p, _)| local.plane.height(&scene.rays.point(p, scene.depth[p]).cast().into()) as f32)
-            .collect();
-        let off = around.iter().map(|h| h.abs()).sum::<f32>() / around.len() as f32;
-        assert!(off < 0.0012, "{off}");
+        let wide = scene.widened(1, 14);
+        let around = (0..wide.len()).filter(|pixel| wide[*pixel] == 1 && scene.labels[*pixel] == 0);
+        let heights: Vec<(usize, f64)> =
+            around.map(|pixel| (pixel % 320, local.plane.height(&scene.rays.point(pixel, scene.depth[pixel]).cast().into()))).collect();
+        // To the left and to the right of the box alike.
+        let middle = heights.iter().map(|(column, _)| column).sum::<usize>() / heights.len();
+        for is_left in [false, true] {
+            let side: Vec<f64> = heights.iter().filter(|(column, _)| (*column < middle) == is_left).map(|(_, h)| *h).collect();
+            let mean = side.iter().sum::<f64>() / side.len() as f64;
+            assert!(mean.abs() < 0.0004, "{mean} m, left: {is_left}");
+        }
     }
 }

@@ -129,8 +129,8 @@ mod tests {
         let depth: Vec<f32> = (0..160 * 120).map(|pixel| 1.0 - bend(pixel) - if is_block(pixel) { 0.05 } else { 0.0 }).collect();
         let plane = Plane::new(-nalgebra::Vector3::z_axis(), &Point3::new(0.0, 0.0, 1.0));
         let table = TableSurface::new(&rays, &depth, &plane);
-        for pixel in 0..depth.len() {
-            let h = table.height(&rays.point(pixel, depth[pixel]));
+        for (pixel, z) in depth.iter().enumerate() {
+            let h = table.height(&rays.point(pixel, *z));
             let expected = if is_block(pixel) { 0.05 } else { 0.0 };
             assert!((h - expected).abs() < 0.002, "pixel {pixel}: {h}");
         }

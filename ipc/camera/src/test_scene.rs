@@ -70,12 +70,12 @@ impl TestScene {
     /// The labels with the one of a thing `by` pixels wider to all sides.
     pub fn widened(&self, label: u16, by: usize) -> Vec<u16> {
         let mut wide = self.labels.clone();
-        for pixel in 0..wide.len() {
+        for (pixel, wide) in wide.iter_mut().enumerate() {
             let (u, v) = (pixel % WIDTH, pixel / WIDTH);
             let rows = v.saturating_sub(by)..(v + by + 1).min(HEIGHT);
-            let is_near = rows.flat_map(|v| (u.saturating_sub(by)..(u + by + 1).min(WIDTH)).map(move |u| v * WIDTH + u));
-            if self.labels[pixel] == 0 && is_near.into_iter().any(|other| self.labels[other] == label) {
-                wide[pixel] = label;
+            let mut around = rows.flat_map(|v| (u.saturating_sub(by)..(u + by + 1).min(WIDTH)).map(move |u| v * WIDTH + u));
+            if *wide == 0 && around.any(|other| self.labels[other] == label) {
+                *wide = label;
             }
         }
         wide
