@@ -25,6 +25,8 @@ pub struct Conditions {
     pub grazing_rad: [f64; 2],
     /// Share of the surfaces that face up without a reading, in patches.
     pub lid: f64,
+    /// Share of all surfaces without a reading, in patches: metal and foil mirror the light away.
+    pub gloss: f64,
     /// Share of the insides of vessels without a reading, in patches.
     pub inside: f64,
     /// Share of the pixels at the object's outline whose reading lies between it and what is behind.

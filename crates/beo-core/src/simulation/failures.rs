@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | noise that neighbours share, steps of depth | Nguyen, Izadi and Lovell, "Modeling Kinect sensor noise", 3DIMPVT 2012 |
 //! | rounded edges and flattened bends | the window over which patterns are matched, nine pixels and more in structured light and stereo |
-//! | no reading at grazing angles, on glossy lids, inside vessels | light that is mirrored away, or blocked by the wall |
+//! | no reading at grazing angles, on glossy lids and sides, inside vessels | light that is mirrored away, or blocked by the wall |
 //! | readings between two surfaces at edges | a pixel that sees both |
 //! | masks that are shifted, too wide or too narrow | hand-drawn and learned segmentation |
 //! | the lowest readings are not taken for the object's | they cannot be told from the table's |
@@ -77,7 +77,7 @@ impl Sensing {
             SensorKind::Stereo => (0.001 + 0.003 * z * z, 0.0, chance(0.5), [72.0, 86.0]),
             SensorKind::TimeOfFlight => (0.002 + 0.001 * z, 0.0, false, [60.0, 84.0]),
         };
-        let (occluded, glossy, inside) = (chance(0.2), chance(0.25), chance(0.4));
+        let (occluded, glossy, inside, shiny) = (chance(0.2), chance(0.25), chance(0.4), chance(0.3));
         if !occluded {
             conditions.occluder = None;
         }
@@ -92,6 +92,7 @@ impl Sensing {
         conditions.window = if kind == SensorKind::TimeOfFlight { 0 } else { between([0.0, 3.5]) as u32 };
         conditions.grazing_rad = grazing.map(f64::to_radians);
         conditions.lid = if glossy { between([0.2, 1.0]) } else { 0.0 };
+        conditions.gloss = if shiny { between([0.1, 0.5]) } else { 0.0 };
         conditions.inside = if inside { between([0.2, 1.0]) } else { 0.0 };
         conditions.smear = between([0.0, 0.6]);
         conditions.mask_shift = [between([-1.0, 1.0]), between([-1.0, 1.0])].map(|v: f64| 2.5 * v.powi(3));

@@ -104,12 +104,12 @@ impl View {
     /// Takes readings away where surfaces face up, face away or are hidden within a vessel, and blurs the outline.
     fn lose(&mut self, conditions: &Conditions, object: &Occupancy, rng: &mut impl Rng) {
         let [some, all] = conditions.grazing_rad;
-        if all <= 0.0 && conditions.lid <= 0.0 && conditions.inside <= 0.0 && conditions.smear <= 0.0 {
+        if all <= 0.0 && conditions.lid <= 0.0 && conditions.inside <= 0.0 && conditions.gloss <= 0.0 && conditions.smear <= 0.0 {
             return;
         }
         let hollow = Hollow::new(object);
         let exact = Self { depth: self.depth.clone(), labels: self.labels.clone(), ..*self };
-        let (lids, insides) = (Patches::new(rng), Patches::new(rng));
+        let [lids, insides, glosses] = [0; 3].map(|_| Patches::new(rng));
         let up = self.object_to_camera * Vector3::z();
         let back = self.object_to_camera.inverse();
         for pixel in 0..self.depth.len() {
@@ -132,6 +132,7 @@ impl View {
             }
             let point = back * self.intrinsics.ray([f64::from(u), f64::from(v)]) * f64::from(exact.depth[pixel]);
             let point = Point3::from(point + back.translation.vector);
+            is_lost |= glosses.at(at) < conditions.gloss;
             is_lost |= conditions.inside > 0.0 && hollow.holds(&point) && insides.at(at) < conditions.inside;
             if is_lost {
                 self.depth[pixel] = 0.0;
