@@ -141,7 +141,7 @@ fn of_a_sequence_the_class_of_an_object_is_filtered() {
     let name = instance();
     let _daemon = serve(&name);
     let subscriber = Subscriber::open_within(&InstanceName::new(&name).unwrap(), &SubscriberOptions::default(), PATIENCE).unwrap();
-    let mut play = |arguments: &[&str]| {
+    let play = |arguments: &[&str]| {
         let (code, said, errors) = beo_camera(folder.path(), &[&["--instance", &name], arguments].concat());
         assert_eq!(code, Some(0), "{said}{errors}");
         percepts(&subscriber, 4).iter().map(|percept| (percept.object_id, percept.filtered)).collect::<Vec<_>>()

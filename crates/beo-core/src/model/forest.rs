@@ -48,7 +48,7 @@ impl Forest {
         if self.inputs == 0 || self.inputs > usize::from(LEAF) || self.outcomes == 0 || self.roots.is_empty() {
             return Some("has no inputs, outcomes or trees");
         }
-        if self.thresholds.len() != nodes || self.next.len() != nodes || self.shares.len() % self.outcomes != 0 {
+        if self.thresholds.len() != nodes || self.next.len() != nodes || !self.shares.len().is_multiple_of(self.outcomes) {
             return Some("has arrays of different lengths");
         }
         if self.roots.iter().any(|root| *root as usize >= nodes) {

@@ -144,7 +144,7 @@ fn bends(profile: &[Option<f64>; COLUMNS]) -> Option<[f64; BENDS]> {
     let corner_at = |n: i32| fit(&seen, &|t| (t - 0.2 * f64::from(n)).abs()).map(|(_, left)| left);
     let corner = (-3..=3).filter_map(corner_at).fold(f64::INFINITY, f64::min);
     let nearest = seen().map(|(_, v)| v).fold(f64::INFINITY, f64::min);
-    let (first, last) = (seen().next()?.1, seen().last()?.1);
+    let (first, last) = (seen().next()?.1, seen().next_back()?.1);
     Some([tilt, curvature, line, parabola, corner, ellipse, corner - ellipse, depth, nearest - (first + last) / 2.0])
 }
 
