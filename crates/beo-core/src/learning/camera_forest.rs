@@ -21,7 +21,7 @@ const MOST_VIEWS: usize = 24_000;
 /// Of so many of the views the size of voxels is not told, so that the forest answers without it too.
 const WITHOUT_SIZE: f64 = 0.15;
 /// How the trees grow.
-const TREES: usize = 100;
+const TREES: usize = 80;
 const LEAST_LEAF: usize = 8;
 /// Highest camera, radians.
 const HIGHEST: f64 = 1.5;

@@ -136,13 +136,13 @@ pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng
         let side_m = first.side_m.map(|side| side * extent.max());
         return Some(first.like(voxels(&pieces, dims)?, side_m));
     }
-    // One alone is an ellipsoid: a single cuboid or cylinder may well be of a class.
+    // One alone may well look like a class: how often it does is what the shares of the leaves weigh.
     let count = rng.random_range(1..6);
     let pieces: Vec<Piece<'_>> = (0..count)
         .map(|_| {
             let mut half = || Vector3::from_fn(|_, _| between(rng, [0.05, 0.5]));
             let half = half();
-            let solid = match if count == 1 { 0 } else { rng.random_range(0..3) } {
+            let solid = match rng.random_range(0..3) {
                 0 => Solid::Ellipsoid(half),
                 1 => Solid::Cuboid(half),
                 _ => Solid::Cylinder(half.x, half.z),
