@@ -148,13 +148,18 @@ class Subscriber(_Peer):
 
     def wait(self, timeout_s):
         """Waits until the daemon has sent something: True if it has. Then take everything."""
-        try:
-            return bool(self.listener.timed_wait(iox2.Duration.from_secs_f64(timeout_s)))
-        except iox2.ListenerWaitError as error:
-            # Python handles the signal once it is back in Python: Ctrl-C raises KeyboardInterrupt.
-            if "InterruptSignal" in str(error):
+        end = time.monotonic() + timeout_s
+        while True:
+            # In short pieces: Python handles a signal, such as Ctrl-C, once it is back in Python.
+            left = max(0.0, end - time.monotonic())
+            try:
+                if self.listener.timed_wait(iox2.Duration.from_secs_f64(max(1e-6, min(left, 0.05)))):
+                    return True
+            except iox2.ListenerWaitError as error:
+                if "InterruptSignal" not in str(error):
+                    raise
+            if left <= 0.05:
                 return False
-            raise
 
     def take_percept(self):
         """A copy of the oldest percept not yet taken, or None."""
