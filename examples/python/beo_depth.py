@@ -272,5 +272,5 @@ def fill_header(header, grid, known_side_m=None, known_side_deviation_m=0.0):
     header.known_side_m = known_side_m or 0.0
     header.known_side_deviation_m = known_side_deviation_m
     header.unit = messages.Unit.METRES
-    header.pose_search = messages.PoseSearch.YAW
+    header.pose_search = messages.PoseSearch.REST
     header.tasks = messages.TASK_CLASS | messages.TASK_POSE | messages.TASK_COMPLETION

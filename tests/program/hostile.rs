@@ -293,12 +293,12 @@ fn a_producer_that_cuts_its_memory_ends_nobody_else() {
     for length in [0, 4096, 5000] {
         let mut hostile = Actor::start(Role::Producer { every_ms: 5, search: PoseSearch::Known }, &name);
         honest.percept((hostile.id, 1));
+        let refused = honest.status(|_| true).refused;
         // Now the daemon has mapped its segment, and what comes waits in it.
         daemon.signal(Signal::STOP);
         drop(hostile.heard("sent"));
         (0..3).for_each(|_| drop(hostile.hear("sent")));
         hostile.process.signal(Signal::STOP);
-        let refused = honest.status(|_| true).refused;
         let cut: Vec<_> = segments(hostile.process.id()).into_iter().filter(|path| path.extension().is_some_and(|e| e == "data")).collect();
         assert!(!cut.is_empty());
         for path in &cut {

@@ -352,7 +352,12 @@ mod tests {
     #[test]
     fn closed_surfaces_have_no_holes_and_the_nearer_object_hides_the_farther() {
         let camera = SyntheticCamera::new(intrinsics(DISTORTED));
-        let (can, carton) = (household::mesh("can", 5).unwrap(), household::mesh("box", 3).unwrap());
+        // Neither so small that few pixels show it, nor so large that it hides the other.
+        let middling = |class: &str| {
+            let mut made = (0..).map(|seed| household::mesh(class, seed).unwrap());
+            made.find(|mesh| (0.09..0.16).contains(&mesh.bounds()[1].z) && mesh.bounds()[1].x > 0.03).unwrap()
+        };
+        let (can, carton) = (middling("can"), middling("box"));
         let mut scene = Scene::new();
         scene.add_table([1.0, 1.0], Isometry3::identity(), 7);
         scene.add(&can, Isometry3::translation(0.12, 0.0, 0.0), 1);
