@@ -6,8 +6,8 @@
 //! the table beside a foot lies outside of the hull.
 
 use crate::joining::{FOUR, neighbours};
-use crate::own_readings::{LocalSupport, Scene};
 use crate::plan_view::{PlanView, convex_hull, inside_by};
+use crate::scene::{LocalSupport, Scene};
 use nalgebra::Vector2;
 
 /// A region lies this far above the plane, metres, or so many deviations of the support's readings, if it is a raised floor.

@@ -43,6 +43,7 @@ mod placement;
 mod plan_view;
 mod planes;
 mod rays;
+mod scene;
 mod segments;
 mod sensor;
 mod support;

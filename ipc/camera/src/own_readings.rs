@@ -7,21 +7,10 @@
 //! 2. Readings that are joined to few neighbours fly between two surfaces.
 //! 3. Of what remains, the largest piece, with every piece near it in space or cut off from it by something nearer. The rest is far.
 
-use crate::SensorModel;
 use crate::interior::enclosed;
-use crate::joining::{EIGHT, Joint, nearest, neighbours, pieces, samples};
-use crate::rays::Rays;
-use crate::support::Plane;
+use crate::joining::{EIGHT, nearest, neighbours, pieces, samples};
+use crate::scene::{LocalSupport, Scene};
 use nalgebra::Vector3;
-
-/// A support plane where one object stands.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LocalSupport {
-    /// The plane.
-    pub plane: Plane,
-    /// Scatter of the readings around the object about it, metres: one standard deviation.
-    pub deviation_m: f64,
-}
 
 /// Which readings are the object's.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,20 +25,6 @@ pub struct OwnReadings {
     pub share_edge: f64,
     /// Share in pieces that do not belong to the main one.
     pub share_far: f64,
-}
-
-/// A frame that is looked at, object by object.
-pub struct Scene<'a> {
-    /// Directions of the pixels.
-    pub rays: &'a Rays,
-    /// Readings, metres; 0 for none.
-    pub depth: &'a [f32],
-    /// The mask's labels.
-    pub labels: &'a [u16],
-    /// The sensor.
-    pub sensor: &'a SensorModel,
-    /// What neighbours are on one surface.
-    pub joint: Joint,
 }
 
 /// Readings nearer to the plane than this are the plane's whatever the object, metres; or than so many deviations of it.
@@ -270,6 +245,8 @@ pub fn percentile(values: &[f32], share: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SensorModel;
+    use crate::joining::Joint;
     use crate::test_scene::{TestScene, Thing};
 
     /// The own readings of thing 1 with a label image of its own: how many, and how many of those show something else.

@@ -6,9 +6,10 @@
 
 use crate::SensorModel;
 use crate::blocks::{Block, flat_blocks};
-use crate::own_readings::{LocalSupport, Scene, percentile};
+use crate::own_readings::percentile;
 use crate::planes::{FoundPlane, find_planes};
 use crate::rays::Rays;
+use crate::scene::{LocalSupport, Scene};
 use crate::support::Plane;
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 

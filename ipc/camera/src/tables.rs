@@ -6,9 +6,10 @@
 use crate::SensorModel;
 use crate::interior::enclosed;
 use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
-use crate::own_readings::{LocalSupport, Scene, percentile};
+use crate::own_readings::percentile;
 use crate::plan_view::{area, convex_hull};
 use crate::rays::Rays;
+use crate::scene::{LocalSupport, Scene};
 use crate::supports::Supports;
 use crate::table_surface::TableSurface;
 use nalgebra::{Vector2, Vector3};

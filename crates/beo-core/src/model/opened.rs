@@ -5,7 +5,8 @@
 
 use super::FORMAT_VERSION;
 use super::container::{Dtype, TensorInfo, Tensors};
-use super::file::{Header, KEY, ModelError, Table, check_metadata, header_checksum, level_name};
+use super::error::ModelError;
+use super::header::{Header, KEY, Table, check_metadata, header_checksum, level_name};
 use super::mapping::{self, Mapped};
 use crate::grid::Dims;
 use crate::text::printable;
