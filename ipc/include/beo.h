@@ -167,7 +167,7 @@ enum beo_pose_search
     BEO_POSE_SEARCH_FULL = 2,
     /**
      * The object rests on a support plane below the grid (up is the grid's +z), in any of the poses in which its class can rest, turned
-     * by any angle about the vertical.
+     * by any angle about the vertical. In models that have learned no resting poses every class stands upright: then it is `Self.Yaw`.
      */
     BEO_POSE_SEARCH_REST = 3,
 };
