@@ -224,7 +224,7 @@ pub fn check_place(path: &Path, bytes: u64) -> Result<(), ModelError> {
     Ok(())
 }
 
-/// Reads a model file and checks its header, sizes and checksums. The basis of a large grid, from [`MAPPED_FROM`] bytes on, is mapped
+/// Reads a model file and checks its header, sizes and checksums. The basis of a large grid, from 64 MiB on, is mapped
 /// instead, and checked piece by piece as it is read.
 pub fn load(path: &Path) -> Result<Model, ModelError> {
     read(&Opened::open(path)?)
