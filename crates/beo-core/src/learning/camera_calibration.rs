@@ -108,7 +108,8 @@ pub fn calibrate(
         let log_sizes = cells.iter().map(log_size).collect();
         let angle = sample.yaw(&parts[component].component.rotation());
         let step = (angle.rem_euclid(TAU) / TAU * YAWS as f64).round() as usize % YAWS;
-        let forest = scores.log_shares(&measured(&sample));
+        let mut forest = Vec::new();
+        scores.ask_forest(&measured(&sample), &mut forest);
         Some(Scored { class: *class, truth: (component, step), cells, log_sizes, forest, sample })
     };
     let scored: Vec<Scored> = chosen.par_iter().filter_map(score).collect();

@@ -4,7 +4,6 @@
 //! sizes, places and angles about that, coarse to fine (`camera::refinement`). Without such densities, or by another method, the evidence
 //! scores all steps of yaw at the size that what is visible suggests.
 
-use super::scores::log_share;
 use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, Placement, Refined, SEEN, ViewFrame, ViewWork, measure, refine};
 use crate::grid::{Observation, Outside, Rotation, Similarity, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
@@ -52,10 +51,9 @@ pub struct CameraScratch {
     weighed: Vec<f64>,
 }
 
-impl CameraScratch {
-    fn log_share(&self, class: usize) -> f64 {
-        self.shares.get(class).copied().unwrap_or(0.0)
-    }
+/// Logarithm of a class's share by the forest; the same for all where none was asked.
+fn log_share(shares: &[f64], class: usize) -> f64 {
+    shares.get(class).copied().unwrap_or(0.0)
 }
 
 /// Refines modes by the evidence.
@@ -164,7 +162,11 @@ impl CameraSearch<'_> {
             let of_class = out.samples.iter().filter(|sample| sample.class == class).map(|sample| sample.log_density);
             let score = log_sum_exp(of_class) / sure.pose_weight;
             out.scores.push(score);
-            out.posterior.push(sure.blend.log_posterior(class, sure.of_class(score, scratch.log_share(class)), query.log_prior(class)));
+            out.posterior.push(sure.blend.log_posterior(
+                class,
+                sure.of_class(score, log_share(&scratch.shares, class)),
+                query.log_prior(class),
+            ));
         }
         softmax(&mut out.posterior);
         let log_prior = |angle: f64, resting: &Rotation| match query.pose {
@@ -194,9 +196,7 @@ impl CameraSearch<'_> {
         shares.clear();
         let (scores, calibration) = self.cameras.filter(|_| self.asks_forest())?;
         measure(frame, seen, self.query.voxel_size_m, measuring, measures);
-        scores.forest()?.shares(measures, shares);
-        let none = shares.pop()?;
-        shares.iter_mut().for_each(|share| *share = log_share(*share));
+        let none = scores.ask_forest(measures, shares)?;
         Some(calibration.none?.probability(none))
     }
 
@@ -277,7 +277,7 @@ impl CameraSearch<'_> {
         weighed.clear();
         weighed.extend(modes.iter().map(|mode| {
             let class = mode.cell.class;
-            let forest = shares.get(class).copied().unwrap_or(0.0);
+            let forest = log_share(shares, class);
             let scores = ClassScores { hull: out.scores[class], evidence: mode.log_evidence, forest, ..ClassScores::default() };
             together.log_posterior(class, scores, self.query.log_prior(class))
         }));

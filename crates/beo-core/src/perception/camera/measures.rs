@@ -61,9 +61,10 @@ pub fn measure(frame: &ViewFrame, observation: &Observation, voxel_m: Option<f64
     let mut widths = [[f64::INFINITY, f64::NEG_INFINITY]; HEIGHTS];
     let mut levels = [0_u32; LEVELS];
     let mut count = 0;
+    let grid_to_axes = frame.grid_to_axes();
     let relative = |voxel: usize| {
         let [i, j, k] = dims.coordinates(voxel);
-        frame.along_axes(&(Vector3::new(i as f64, j as f64, k as f64) - middle))
+        grid_to_axes * (Vector3::new(i as f64, j as f64, k as f64) - middle - frame.origin)
     };
     for voxel in observation.filled().ones() {
         count += 1;

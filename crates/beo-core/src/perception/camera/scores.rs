@@ -158,15 +158,15 @@ impl CameraScores {
         self.densities.forest.as_ref()
     }
 
-    /// Logarithms of the classes' shares by the forest, from what a view measures; empty without a forest.
-    pub fn log_shares(&self, measures: &[f32]) -> Vec<f64> {
-        let mut shares = Vec::new();
-        if let Some(forest) = self.forest() {
-            forest.shares(measures, &mut shares);
-            shares.pop();
-            shares.iter_mut().for_each(|share| *share = log_share(*share));
-        }
-        shares
+    /// Asks the forest about what a view measures: logarithms of the classes' shares into `out`, and the share of none of them. Without a
+    /// forest `out` is empty.
+    pub fn ask_forest(&self, measures: &[f32], out: &mut Vec<f64>) -> Option<f64> {
+        out.clear();
+        self.forest()?.shares(measures, out);
+        let none = out.pop();
+        // A class that no tree names counts as one in a thousand: it is not impossible.
+        out.iter_mut().for_each(|share| *share = (*share + 1e-3).ln());
+        none
     }
 
     /// What the classes are mixtures of.
@@ -253,11 +253,6 @@ impl KnownPlacement {
         let place = |axis: usize| self.place.map(|place| place[axis]);
         [rest, self.scale.map(f64::ln), place(0), place(1), place(2), None, None, None]
     }
-}
-
-/// The logarithm of a share, which counts as one in a thousand at least: a class that no tree names is not impossible.
-pub fn log_share(share: f64) -> f64 {
-    (share + 1e-3).ln()
 }
 
 /// An angle in [−π, π).

@@ -128,9 +128,9 @@ impl ViewFrame {
         self.half * self.unit
     }
 
-    /// A voxel's middle (voxels from the grid's centre) along the frame's axes, in voxels from the origin.
-    pub fn along_axes(&self, at: &Vector3<f64>) -> Vector3<f64> {
-        yaw(-self.azimuth) * (at - self.origin)
+    /// From the grid's axes to the frame's.
+    pub fn grid_to_axes(&self) -> Rotation {
+        yaw(-self.azimuth)
     }
 
     /// Averages over the cells of the shadow of what is seen: filled voxels and what they hide from the camera; C order, z fastest. What
