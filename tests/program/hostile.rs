@@ -4,6 +4,7 @@ use crate::client::{Client, DIMS, block, explanation};
 use crate::faults::roles::{Actor, Role};
 use crate::harness::{PATIENCE, RESOLUTION, instance, segments, serve};
 use beo_ipc::{InstanceName, NO_CLASS, ObservationHeader, Percept, PerceptStatus, PoseSearch, tasks};
+use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::{NodeBuilder, SignalHandlingMode, ipc};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -144,6 +145,16 @@ fn sequence_and_time_may_jump_and_a_past_deadline_is_refused() {
     client.status(|status| (status.received, status.answered, status.refused) == (5, 4, 1));
 }
 
+/// A publisher of observations of at most so many bytes that does not use our library.
+fn stranger(instance: &str, most_bytes: usize) -> Publisher<ipc::Service, [u8], ObservationHeader> {
+    let node =
+        NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&beo_ipc::node::config()).create::<ipc::Service>();
+    let node = node.unwrap();
+    let service = InstanceName::new(instance).unwrap().observation().as_str().try_into().unwrap();
+    let service = node.service_builder(&service).publish_subscribe::<[u8]>().user_header::<ObservationHeader>().open().unwrap();
+    service.publisher_builder().initial_max_slice_len(most_bytes).create().unwrap()
+}
+
 /// Who does not use our library numbers as it likes, in the name of whom it likes.
 #[test]
 fn forged_numbers_and_names_are_answered_and_count_no_losses() {
@@ -151,12 +162,7 @@ fn forged_numbers_and_names_are_answered_and_count_no_losses() {
     let _daemon = serve(&name);
     let honest = Client::new(&name);
     ask(&honest, |_, _| {});
-    let node =
-        NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&beo_ipc::node::config()).create::<ipc::Service>();
-    let node = node.unwrap();
-    let service = InstanceName::new(&name).unwrap().observation().as_str().try_into().unwrap();
-    let service = node.service_builder(&service).publish_subscribe::<[u8]>().user_header::<ObservationHeader>().open().unwrap();
-    let publisher = service.publisher_builder().initial_max_slice_len(RESOLUTION.pow(3)).create().unwrap();
+    let publisher = stranger(&name, RESOLUTION.pow(3));
     let send = |producer_id, sequence| {
         let mut sample = publisher.loan_slice_uninit(RESOLUTION.pow(3)).unwrap();
         *sample.user_header_mut() = ObservationHeader { producer_id, sequence, tasks: tasks::CLASS, ..ObservationHeader::new(DIMS) };
@@ -256,12 +262,7 @@ fn a_forged_length_reaches_no_further_than_the_producers_chunk() {
     let _daemon = serve(&name);
     let honest = Client::new(&name);
     ask(&honest, |_, _| {});
-    let node =
-        NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(&beo_ipc::node::config()).create::<ipc::Service>();
-    let node = node.unwrap();
-    let service = InstanceName::new(&name).unwrap().observation().as_str().try_into().unwrap();
-    let service = node.service_builder(&service).publish_subscribe::<[u8]>().user_header::<ObservationHeader>().open().unwrap();
-    let publisher = service.publisher_builder().initial_max_slice_len(BYTES).create().unwrap();
+    let publisher = stranger(&name, BYTES);
     let mut random = ChaCha8Rng::seed_from_u64(3);
     for (sequence, length) in [(1, RESOLUTION.pow(3) as u64), (2, u64::MAX), (3, BYTES as u64)] {
         let mut sample = publisher.loan_slice_uninit(BYTES).unwrap();
