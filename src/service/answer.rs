@@ -12,101 +12,162 @@ use beo_ipc::tasks;
 use beo_ipc::text::to_field;
 use beo_ipc::validate::check_deadline;
 use beo_ipc::{
-    Hypothesis, LoanError, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, PerceptStatus, PoseSearch, Refusal, ScaleSearch,
-    Server,
+    CompletionLoan, Hypothesis, LoanError, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, PerceptStatus, PoseSearch, Refusal,
+    ScaleSearch, Server,
 };
 use nalgebra::Vector3;
 use std::sync::Arc;
 use std::time::Duration;
+
+/// Voxels up to which grids are answered side by side; of larger ones a single query keeps all cores busy.
+const MOST_VOXELS_SIDE_BY_SIDE: usize = 64 * 64 * 64;
 
 /// Answers observations with one model.
 pub struct Answerer {
     /// The model's name, for people.
     name: String,
     perceiver: Perceiver,
+    /// What observations do not say themselves.
+    query: Query,
+    tracks: Tracks,
+    /// As many as observations are answered side by side.
+    desks: Vec<Desk>,
+}
+
+/// Where one observation at a time is answered.
+struct Desk {
     work: Workspace,
     percept: perception::Percept,
     query: Query,
-    /// The search for observations that say that their pose is known.
-    pose: perception::PoseSearch,
-    /// Log prior of the classes for objects that were not seen before; empty where it is uniform.
-    class_prior: Vec<f64>,
-    tracks: Tracks,
-    /// The class posterior of the observation that is being answered, given all frames of its object.
+    /// What is believed of the class of an object that continues, before this frame.
+    believed: Option<ClassBelief>,
+    /// The class posterior, given all frames of the object.
     filtered: Vec<f64>,
+    started_ns: u64,
+    /// What came of it.
+    outcome: Outcome,
+    /// A completion that does not go into shared memory at once: occupancy and deviation, a byte per voxel each.
+    bytes: [Vec<u8>; 2],
 }
 
-impl Answerer {
-    /// An answerer that uses `query` for what observations do not say themselves; `name` is the model's.
-    pub fn new(perceiver: Perceiver, query: Query, name: String) -> Self {
+/// What came of an observation.
+#[derive(Default)]
+enum Outcome {
+    /// Nothing yet.
+    #[default]
+    Waiting,
+    /// Nothing is seen of an object.
+    Nothing,
+    /// It could not be answered; why.
+    Failed(String),
+    /// It is classified, and completed if that was asked for: when, or why not.
+    Classified { completion: Option<Result<u64, String>> },
+}
+
+impl Desk {
+    fn new(perceiver: &Perceiver, query: &Query) -> Self {
         Self {
-            name,
             work: perceiver.workspace(),
             percept: perception::Percept::default(),
-            perceiver,
-            pose: query.pose,
-            class_prior: query.log_prior.clone(),
-            query,
-            tracks: Tracks::default(),
+            query: query.clone(),
+            believed: None,
             filtered: Vec::new(),
+            started_ns: 0,
+            outcome: Outcome::Waiting,
+            bytes: [Vec::new(), Vec::new()],
         }
     }
 
-    /// The model that answers.
-    pub fn model(&self) -> &Arc<Model> {
-        self.perceiver.model()
-    }
-
-    /// The model's name, for people.
-    pub fn model_name(&self) -> &str {
-        &self.name
-    }
-
-    /// Answers an observation that says nothing: a model for which this fails would fail for others, and the next is faster.
-    ///
-    /// # Errors
-    /// Why it fails.
-    pub fn rehearse(&mut self) -> Result<(), PerceiveError> {
-        let nothing = Observation::unknown(self.model().dims());
-        let (mut occupancy, mut deviation) = (vec![0_u8; nothing.dims().voxels()], vec![0_u8; nothing.dims().voxels()]);
-        let classified = self.perceiver.classify(&nothing, &self.query, &mut self.work, &mut self.percept)?;
-        classified.complete_into(&mut occupancy, &mut deviation)
-    }
-
-    /// Computes the percept of a valid observation and sends its completion if it was asked for; the percept is returned to be
-    /// published after it. One whose deadline has passed, or in which nothing of an object is seen, is refused.
-    pub fn answer(&mut self, server: &Server, waiting: &Waiting) -> Percept {
-        let header = &waiting.header;
-        if let Err(refusal) = check_deadline(header, monotonic_ns()) {
-            let model_id = self.perceiver.model().id;
-            return Percept { received_ns: waiting.received_ns, model_id, ..Percept::refusing(header, &refusal) };
+    /// Sets in the query what a header asks for and what is expected of an object that it continues; `defaults` says the rest.
+    fn ask(&mut self, defaults: &Query, tracks: &Tracks, header: &ObservationHeader) {
+        let Self { query, believed, started_ns, .. } = self;
+        *started_ns = monotonic_ns();
+        *believed = None;
+        ask(query, header, defaults.pose);
+        query.log_prior.clone_from(&defaults.log_prior);
+        let is_continued = header.continues != 0;
+        let track = is_continued.then(|| tracks.of(header.producer_id, header.continued_object_id, *started_ns)).flatten();
+        let Some(track) = track else { return };
+        if header.rotation_prior_concentration == 0.0
+            && let Some(expected) = &track.expected_rotation
+        {
+            query.rotation_prior = expected.clone();
         }
-        let mut percept = Percept { received_ns: waiting.received_ns, model_id: self.perceiver.model().id, ..Percept::answering(header) };
-        let started_ns = monotonic_ns();
-        let believed = self.ask(header, started_ns);
-        let Self { perceiver, query, work, tracks, filtered, .. } = self;
-        let classified = match perceiver.classify(&waiting.observation, query, work, &mut self.percept) {
-            Ok(classified) => classified,
-            Err(error) => return internal(percept, &error.to_string()),
+        // From above, the whole top of an object is seen in each frame, and one frame says as much as many.
+        if beo_ipc::View::from_code(header.view) != Some(beo_ipc::View::Camera) {
+            return;
+        }
+        track.class.log_prior(&mut query.log_prior);
+        // A class that is left out stays out.
+        for (expected, prior) in query.log_prior.iter_mut().zip(&defaults.log_prior) {
+            if *prior == f64::NEG_INFINITY {
+                *expected = *prior;
+            }
+        }
+        *believed = Some(track.class);
+    }
+
+    /// Classifies an observation, and lets `complete` complete it if that was asked for.
+    fn answer(
+        &mut self,
+        perceiver: &Perceiver,
+        waiting: &Waiting,
+        complete: impl FnOnce(Classified<'_>, &Query, &mut [Vec<u8>; 2]) -> Result<(), String>,
+    ) {
+        let Self { work, percept, query, bytes, .. } = self;
+        self.outcome = match perceiver.classify(&waiting.observation, query, work, percept) {
+            Err(error) => Outcome::Failed(error.to_string()),
+            Ok(classified) if !classified.percept().informed => Outcome::Nothing,
+            Ok(classified) => {
+                let is_asked = waiting.header.tasks & tasks::COMPLETION != 0;
+                let completion = is_asked.then(|| complete(classified, query, bytes).map(|()| monotonic_ns()));
+                Outcome::Classified { completion }
+            }
         };
-        let answer = classified.percept();
-        if !answer.informed {
-            // What says nothing of the object does not change what is expected of it.
-            let refusing = Percept::refusing(header, &Refusal::NothingSeen);
-            return Percept { received_ns: percept.received_ns, model_id: percept.model_id, ..refusing };
+    }
+
+    /// Sends a completion that lies in the desk's own memory.
+    fn send_completion(&mut self, model_id: u64, server: &Server, asked: &ObservationHeader) {
+        if let Outcome::Classified { completion: Some(completion @ Ok(_)) } = &mut self.outcome {
+            let send = || {
+                let mut loan = loan_completion(&self.percept, model_id, &self.query, server, asked)?;
+                let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
+                occupancy.copy_from_slice(&self.bytes[0]);
+                deviation.copy_from_slice(&self.bytes[1]);
+                loan.send().map_err(|error| error.to_string())
+            };
+            *completion = send().map(|()| monotonic_ns());
         }
+    }
+
+    /// The percept of what was answered; its object is remembered.
+    fn percept(&mut self, tracks: &mut Tracks, model_id: u64, waiting: &Waiting) -> Percept {
+        let header = &waiting.header;
+        let answering = Percept { received_ns: waiting.received_ns, model_id, ..Percept::answering(header) };
+        let completion = match std::mem::take(&mut self.outcome) {
+            Outcome::Classified { completion } => completion,
+            // What says nothing of the object does not change what is expected of it.
+            Outcome::Nothing => {
+                let refusing = Percept::refusing(header, &Refusal::NothingSeen);
+                return Percept { received_ns: waiting.received_ns, model_id, ..refusing };
+            }
+            Outcome::Failed(reason) => return internal(answering, &reason),
+            Outcome::Waiting => return internal(answering, "the thread that was to answer it has failed"),
+        };
+        let Self { percept: answer, query, believed, filtered, started_ns, .. } = self;
+        let mut percept = answering;
         filtered.clone_from(&answer.posterior);
         let is_filtered = believed.is_some();
         let class = match believed {
-            Some(mut class) => {
+            Some(class) => {
                 class.update(filtered);
-                class
+                *class
             }
             None => ClassBelief::first(filtered),
         };
-        let searched = (query.pose != perception::PoseSearch::Known).then_some(answer);
-        tracks.remember(header.producer_id, header.object_id, started_ns, class, searched);
-        let stamp = |since: Duration| started_ns + since.as_nanos() as u64;
+        let searched = (query.pose != perception::PoseSearch::Known).then_some(&*answer);
+        tracks.remember(header.producer_id, header.object_id, *started_ns, class, searched);
+        let stamp = |since: Duration| *started_ns + since.as_nanos() as u64;
         percept.projected_ns = stamp(answer.timings.projected);
         percept.classified_ns = stamp(answer.timings.classified);
         percept.posed_ns = stamp(answer.timings.posed);
@@ -132,49 +193,120 @@ impl Answerer {
         let beyond = BeyondClass::of(answer);
         (percept.none_probability, percept.fit) = (beyond.none_probability, beyond.fit);
         (percept.resting_pose, percept.filtered) = (beyond.resting_pose, u32::from(is_filtered));
-        if header.tasks & tasks::COMPLETION != 0 {
-            match complete(classified, perceiver.model().id, query, server, header) {
-                Ok(()) => {
-                    percept.tasks |= tasks::COMPLETION;
-                    percept.completed_ns = monotonic_ns();
-                }
-                // The class is known all the same: the percept says that there is no completion, and why.
-                Err(reason) => percept.explanation = to_field(&format!("no completion: {reason}")),
+        match completion {
+            Some(Ok(completed_ns)) => {
+                percept.tasks |= tasks::COMPLETION;
+                percept.completed_ns = completed_ns;
             }
+            // The class is known all the same: the percept says that there is no completion, and why.
+            Some(Err(reason)) => percept.explanation = to_field(&format!("no completion: {reason}")),
+            None => {}
         }
         percept
     }
+}
 
-    /// Sets in the query what a header asks for and what is expected of an object that it continues; gives what is believed of its class.
-    fn ask(&mut self, header: &ObservationHeader, now_ns: u64) -> Option<ClassBelief> {
-        ask(&mut self.query, header, self.pose);
-        self.query.log_prior.clone_from(&self.class_prior);
-        let continued =
-            (header.continues != 0).then(|| self.tracks.of(header.producer_id, header.continued_object_id, now_ns)).flatten()?;
-        if header.rotation_prior_concentration == 0.0
-            && let Some(expected) = &continued.expected_rotation
-        {
-            self.query.rotation_prior = expected.clone();
+impl Answerer {
+    /// An answerer that uses `query` for what observations do not say themselves; `name` is the model's.
+    pub fn new(perceiver: Perceiver, query: Query, name: String) -> Self {
+        let voxels = perceiver.model().dims().voxels();
+        let desks = if voxels <= MOST_VOXELS_SIDE_BY_SIDE { rayon::current_num_threads().max(1) } else { 1 };
+        let desks = (0..desks).map(|_| Desk::new(&perceiver, &query)).collect();
+        Self { name, perceiver, query, tracks: Tracks::default(), desks }
+    }
+
+    /// The model that answers.
+    pub fn model(&self) -> &Arc<Model> {
+        self.perceiver.model()
+    }
+
+    /// The model's name, for people.
+    pub fn model_name(&self) -> &str {
+        &self.name
+    }
+
+    /// Observations that are answered side by side, at most.
+    pub fn desks(&self) -> usize {
+        self.desks.len()
+    }
+
+    /// Answers an observation that says nothing: a model for which this fails would fail for others, and the next is faster.
+    ///
+    /// # Errors
+    /// Why it fails.
+    pub fn rehearse(&mut self) -> Result<(), PerceiveError> {
+        let nothing = Observation::unknown(self.model().dims());
+        let (mut occupancy, mut deviation) = (vec![0_u8; nothing.dims().voxels()], vec![0_u8; nothing.dims().voxels()]);
+        for Desk { work, percept, query, .. } in &mut self.desks {
+            self.perceiver.classify(&nothing, query, work, percept)?.complete_into(&mut occupancy, &mut deviation)?;
         }
-        // From above, the whole top of an object is seen in each frame, and one frame says as much as many.
-        if beo_ipc::View::from_code(header.view) != Some(beo_ipc::View::Camera) {
-            return None;
-        }
-        continued.class.log_prior(&mut self.query.log_prior);
-        // A class that is left out stays out.
-        for (expected, prior) in self.query.log_prior.iter_mut().zip(&self.class_prior) {
-            if *prior == f64::NEG_INFINITY {
-                *expected = *prior;
+        Ok(())
+    }
+
+    /// Computes the percepts of valid observations, as many as there are [desks](Self::desks) at most, side by side, and sends the completions
+    /// that were asked for; each percept is handed to `publish` when it stands. An observation whose deadline has passed, or in which nothing of
+    /// an object is seen, is refused.
+    pub fn answer(&mut self, server: &Server, waiting: &[Waiting], mut publish: impl FnMut(&Waiting, Percept)) {
+        let is_late = |waiting: &Waiting| check_deadline(&waiting.header, monotonic_ns()).err();
+        let Self { perceiver, query, tracks, desks, .. } = self;
+        let (perceiver, model_id) = (&*perceiver, perceiver.model().id);
+        let voxels = perceiver.model().dims().voxels();
+        rayon::in_place_scope(|scope| {
+            let (done, finished) = std::sync::mpsc::channel();
+            let mut own = None;
+            for (desk, waiting) in desks.iter_mut().zip(waiting) {
+                if let Some(refusal) = is_late(waiting) {
+                    let refusing = Percept::refusing(&waiting.header, &refusal);
+                    publish(waiting, Percept { received_ns: waiting.received_ns, model_id, ..refusing });
+                    continue;
+                }
+                desk.ask(query, tracks, &waiting.header);
+                if own.is_none() {
+                    own = Some((desk, waiting));
+                    continue;
+                }
+                let done = done.clone();
+                scope.spawn(move |_| {
+                    desk.answer(perceiver, waiting, |classified, _, bytes| {
+                        bytes.iter_mut().for_each(|bytes| bytes.resize(voxels, 0));
+                        let [occupancy, deviation] = bytes;
+                        classified.complete_into(occupancy, deviation).map_err(|error| error.to_string())
+                    });
+                    // Nobody receives it only if the daemon's own thread has panicked.
+                    let _ = done.send((desk, waiting));
+                });
             }
-        }
-        Some(continued.class)
+            drop(done);
+            if let Some((desk, waiting)) = own {
+                desk.answer(perceiver, waiting, |classified, query, _| complete(classified, model_id, query, server, &waiting.header));
+                publish(waiting, desk.percept(tracks, model_id, waiting));
+            }
+            while let Ok((desk, waiting)) = finished.recv() {
+                desk.send_completion(model_id, server, &waiting.header);
+                publish(waiting, desk.percept(tracks, model_id, waiting));
+            }
+        });
     }
 }
 
 /// Writes the completion of what was classified in place into shared memory.
 fn complete(classified: Classified<'_>, model_id: u64, query: &Query, server: &Server, asked: &ObservationHeader) -> Result<(), String> {
+    let mut loan = loan_completion(classified.percept(), model_id, query, server, asked)?;
+    let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
+    classified.complete_into(occupancy, deviation).map_err(|error| error.to_string())?;
+    loan.send().map_err(|error| error.to_string())
+}
+
+/// Shared memory for the completion of an answer, its header written.
+fn loan_completion(
+    answer: &perception::Percept,
+    model_id: u64,
+    query: &Query,
+    server: &Server,
+    asked: &ObservationHeader,
+) -> Result<CompletionLoan, String> {
     let mut loan = server.loan_completion(asked).map_err(|error: LoanError| error.to_string())?;
-    let (answer, header) = (classified.percept(), loan.header_mut());
+    let header = loan.header_mut();
     header.model_id = model_id;
     header.class_index = answer.class as u32;
     header.method = method_code(query.method).code();
@@ -186,9 +318,7 @@ fn complete(classified: Classified<'_>, model_id: u64, query: &Query, server: &S
         header.position_m = object_position(asked, answer);
         header.voxel_size_m *= answer.placed.scale as f32;
     }
-    let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
-    classified.complete_into(occupancy, deviation).map_err(|error| error.to_string())?;
-    loan.send().map_err(|error| error.to_string())
+    Ok(loan)
 }
 
 /// What an answer says besides class, pose, size and place.

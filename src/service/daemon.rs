@@ -58,6 +58,8 @@ pub struct Daemon {
     options: ServeOptions,
     answerer: Answerer,
     streams: Streams,
+    /// What is being answered.
+    taken: Vec<Waiting>,
     sequences: Sequences,
     latencies: Latencies,
     status: Status,
@@ -83,6 +85,7 @@ impl Daemon {
             server,
             options,
             streams: Streams::new(dims),
+            taken: Vec::new(),
             sequences: Sequences::new(),
             answerer,
             latencies: Latencies::new(),
@@ -121,8 +124,7 @@ impl Daemon {
         self.supervisor.ready(&self.describe());
         while !stop() {
             self.receive();
-            while let Some(waiting) = self.streams.pop() {
-                self.answer(waiting);
+            while self.answer() {
                 if stop() {
                     break;
                 }
@@ -144,49 +146,55 @@ impl Daemon {
     /// Answers what has arrived as long as there is time; the rest is told that there is none.
     fn drain(&mut self) {
         let start = Instant::now();
-        self.set_state(DaemonState::Stopping);
+        set_state(&mut self.status, DaemonState::Stopping);
         self.supervisor.stopping();
         self.publish_status();
         self.receive();
         if let Some(reload) = self.reload.take() {
             reload.abandon(self.status.model_id);
         }
+        while start.elapsed() < DRAIN && self.answer() {}
         while let Some(waiting) = self.streams.pop() {
-            if start.elapsed() < DRAIN {
-                self.answer(waiting);
-                continue;
-            }
             self.status.refused += 1;
-            self.publish(&Percept {
-                received_ns: waiting.received_ns,
-                model_id: self.status.model_id,
-                status: PerceptStatus::Stopping.code(),
-                explanation: to_field("the daemon stops and had no time left for this observation: send it to the next one"),
-                ..Percept::answering(&waiting.header)
-            });
+            publish(
+                &self.server,
+                &Percept {
+                    received_ns: waiting.received_ns,
+                    model_id: self.status.model_id,
+                    status: PerceptStatus::Stopping.code(),
+                    explanation: to_field("the daemon stops and had no time left for this observation: send it to the next one"),
+                    ..Percept::answering(&waiting.header)
+                },
+            );
         }
         self.publish_status();
     }
 
-    fn answer(&mut self, waiting: Waiting) {
-        let percept = self.answerer.answer(&self.server, &waiting);
-        let failed = percept.status == PerceptStatus::Internal.code();
-        if percept.status == PerceptStatus::Ok.code() {
-            self.status.answered += 1;
-            self.status.answered_none += u64::from(percept.none_probability > 0.5);
-        } else {
-            self.status.refused += 1;
-            self.status.nothing_seen += u64::from(percept.status == PerceptStatus::NothingSeen.code());
-        }
-        if failed {
-            self.status.failed += 1;
-            tracing::error!(sequence = percept.sequence, reason = beo_ipc::text::from_field(&percept.explanation), "no answer");
-        }
-        self.set_state(state_after(failed, self.reload.is_some()));
-        self.publish(&percept);
-        let now = monotonic_ns();
-        self.latencies.record(now, now.saturating_sub(waiting.received_ns));
-        self.streams.recycle(waiting.observation);
+    /// Answers what waits, as much of it as is answered side by side; gives whether anything did.
+    fn answer(&mut self) -> bool {
+        let Self { answerer, streams, server, status, latencies, reload, taken, .. } = self;
+        taken.extend((0..answerer.desks()).map_while(|_| streams.pop()));
+        answerer.answer(server, taken, |waiting, percept| {
+            let failed = percept.status == PerceptStatus::Internal.code();
+            if percept.status == PerceptStatus::Ok.code() {
+                status.answered += 1;
+                status.answered_none += u64::from(percept.none_probability > 0.5);
+            } else {
+                status.refused += 1;
+                status.nothing_seen += u64::from(percept.status == PerceptStatus::NothingSeen.code());
+            }
+            if failed {
+                status.failed += 1;
+                tracing::error!(sequence = percept.sequence, reason = beo_ipc::text::from_field(&percept.explanation), "no answer");
+            }
+            set_state(status, state_after(failed, reload.is_some()));
+            publish(server, &percept);
+            let now = monotonic_ns();
+            latencies.record(now, now.saturating_sub(waiting.received_ns));
+        });
+        let any = !taken.is_empty();
+        taken.drain(..).for_each(|waiting| streams.recycle(waiting.observation));
+        any
     }
 
     /// Copies what has arrived into the queue; what cannot be answered is refused at once.
@@ -221,15 +229,9 @@ impl Daemon {
                 Err(refusal) => {
                     tracing::warn!(producer = header.producer_id, sequence = header.sequence, %refusal, "an observation was refused");
                     self.status.refused += 1;
-                    self.publish(&Percept { received_ns, model_id: self.status.model_id, ..Percept::refusing(header, &refusal) });
+                    publish(&self.server, &Percept { received_ns, model_id: self.status.model_id, ..Percept::refusing(header, &refusal) });
                 }
             }
-        }
-    }
-
-    fn publish(&self, percept: &Percept) {
-        if let Err(error) = self.server.publish(percept) {
-            tracing::warn!(%error, sequence = percept.sequence, "a percept could not be sent");
         }
     }
 
@@ -279,7 +281,7 @@ impl Daemon {
         tracing::info!(model = %path.display(), "reloading");
         self.supervisor.reloading();
         if self.status.state == DaemonState::Serving.code() {
-            self.set_state(DaemonState::Reloading);
+            set_state(&mut self.status, DaemonState::Reloading);
         }
         self.reload = Some(Reload::start(&self.options.recipe, path, self.model().dims(), call));
     }
@@ -304,7 +306,7 @@ impl Daemon {
             }
         };
         if self.status.state == DaemonState::Reloading.code() {
-            self.set_state(DaemonState::Serving);
+            set_state(&mut self.status, DaemonState::Serving);
         }
         self.supervisor.ready(&self.describe());
         if let Some(call) = reloaded.call {
@@ -324,12 +326,6 @@ impl Daemon {
         }
     }
 
-    fn set_state(&mut self, state: DaemonState) {
-        if self.status.state != DaemonState::Stopping.code() {
-            self.status.state = state.code();
-        }
-    }
-
     fn publish_status(&mut self) {
         let latency = self.latencies.summary(monotonic_ns());
         let status = &mut self.status;
@@ -343,6 +339,19 @@ impl Daemon {
 
     fn describe(&self) -> String {
         describe(&self.answerer, &self.status)
+    }
+}
+
+fn publish(server: &Server, percept: &Percept) {
+    if let Err(error) = server.publish(percept) {
+        tracing::warn!(%error, sequence = percept.sequence, "a percept could not be sent");
+    }
+}
+
+/// A daemon that stops does nothing else any more.
+fn set_state(status: &mut Status, state: DaemonState) {
+    if status.state != DaemonState::Stopping.code() {
+        status.state = state.code();
     }
 }
 

@@ -5,10 +5,11 @@ use super::camera_forest::measured;
 use super::camera_views::{AtRest, Part, Sample, Views, are_plain, stream};
 use crate::grid::{Outside, yaw_of};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
-use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner};
+use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner, RefineScratch};
 use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
+use crate::perception::evidence::thinned::Codes;
 use crate::perception::scored::Scored as PerceptScores;
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
@@ -314,20 +315,24 @@ fn weigh(
         let mut likely: Vec<usize> = (0..classes).collect();
         likely.sort_by(|a, b| marginals[n][*b].total_cmp(&marginals[n][*a]).then(a.cmp(b)));
         likely.truncate(LIKELY);
+        let mut codes = Codes::default();
+        codes.set(&view.sample.observation);
         let refiner = ModeRefiner {
             evidence: &left_out.evidence,
+            seen: &view.sample.observation,
+            codes: &codes,
             weight: left_out.evidence_blend.evidence.max(1e-9),
             outside: Outside::Unknown,
             frame: &view.sample.frame,
             told: &KnownPlacement::default(),
         };
-        let mut scratch = EvidenceScratch::new(dims);
+        let mut scratch = RefineScratch::new(dims);
         let mut evidence = vec![f64::INFINITY; classes];
         for class in likely {
             let of_class = view.cells.iter().zip(&view.log_sizes).filter(|(cell, _)| cell.class == class);
             let by_value = of_class.map(|(cell, size)| (cell, value(cell, *size, pose_weight, size_weight)));
             let Some((cell, _)) = by_value.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
-            evidence[class] = refiner.refine(&view.sample.observation, cell, &mut scratch)?.log_evidence;
+            evidence[class] = refiner.refine(cell, &mut scratch)?.log_evidence;
         }
         let least = evidence.iter().copied().fold(f64::INFINITY, f64::min);
         let least = if least.is_finite() { least } else { 0.0 };

@@ -130,7 +130,7 @@ impl HeldOut {
         let evidence = (0..INFLATIONS.len()).map(|i| measured.iter().map(|m| m.0[i].clone()).collect()).collect();
         let distance = measured.iter().map(|m| m.1.clone()).collect();
         let voxels = (0..INFLATIONS.len()).map(|i| measured.iter().flat_map(|m| m.2[i].iter().copied()).collect()).collect();
-        let model = EvidenceModel { rows: fit.reading, subspaces, noise_variance: fit.noise };
+        let model = EvidenceModel::new(fit.reading, subspaces, fit.noise);
         Ok((Self { labels, hull, rank, sampled, evidence, distance, voxels }, model))
     }
 

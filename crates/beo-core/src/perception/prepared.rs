@@ -59,7 +59,7 @@ impl Prepared {
             (Searched::Here { .. } | Searched::OnLevels { .. } | Searched::KnownPoseOnly { .. }, _) => None,
         };
         let noise_variance = model.metadata.noise_variance * model.metadata.calibration.noise_inflation;
-        let evidence = EvidenceModel { rows, subspaces, noise_variance };
+        let evidence = EvidenceModel::new(rows, subspaces, noise_variance);
         Ok((Self { paper: PaperModel::new(model.clone()), evidence, hulls, model }, here))
     }
 

@@ -4,12 +4,14 @@
 //! sizes, places and angles about that, coarse to fine (`camera::refinement`). Without such densities, or by another method, the evidence
 //! scores all steps of yaw at the size that what is visible suggests.
 
-use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, Placement, Refined, SEEN, ViewFrame, ViewWork, measure, refine};
-use crate::grid::{Observation, Outside, Rotation, Similarity, yaw};
+use super::refinement::Parameters;
+use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, Placement, Refined, SEEN, ViewFrame, ViewWork, measure};
+use crate::grid::{Dims, Observation, Outside, Rotation, Similarity, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
+use crate::perception::evidence::thinned::{Codes, Detail, ThinnedScratch};
 use crate::perception::pool::Pool;
 use crate::perception::scored::Sample;
 use crate::perception::scored::{ClassMask, MODE_RADIUS, Scored};
@@ -42,7 +44,9 @@ pub struct CameraScratch {
     merging: Merging,
     likely: Vec<usize>,
     starts: Vec<Cell>,
-    refined: Vec<Option<Mode>>,
+    codes: Codes,
+    refining: Option<RefineScratch>,
+    climbed: Vec<Climbed>,
     modes: Vec<Mode>,
     measuring: MeasureScratch,
     measures: Vec<f32>,
@@ -56,7 +60,7 @@ fn log_share(shares: &[f64], class: usize) -> f64 {
     shares.get(class).copied().unwrap_or(0.0)
 }
 
-/// Refines modes by the evidence.
+/// Refines modes by the evidence: climbs on that of a coarse lattice of voxels, settles on that of a finer one, and weighs that of all.
 pub struct ModeRefiner<'a> {
     /// The classes.
     pub evidence: &'a EvidenceModel,
@@ -68,19 +72,80 @@ pub struct ModeRefiner<'a> {
     pub frame: &'a ViewFrame,
     /// Knowledge of yaw, size and place.
     pub told: &'a KnownPlacement,
+    /// The observation …
+    pub seen: &'a Observation,
+    /// … and the same for lattices.
+    pub codes: &'a Codes,
+}
+
+/// Scratch memory of a [`ModeRefiner`].
+pub struct RefineScratch {
+    all: EvidenceScratch,
+    thinned: ThinnedScratch,
+}
+
+impl RefineScratch {
+    /// Room for observations of one size.
+    pub fn new(dims: Dims) -> Self {
+        Self { all: EvidenceScratch::new(dims), thinned: ThinnedScratch::default() }
+    }
+}
+
+/// Where the climb of a cell ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Climbed {
+    cell: Cell,
+    parameters: Parameters,
+    value: f64,
 }
 
 impl ModeRefiner<'_> {
-    /// Refines yaw, size and place from where a cell expects them.
-    pub fn refine(&self, seen: &Observation, cell: &Cell, scratch: &mut EvidenceScratch) -> Result<Mode, PerceiveError> {
+    /// Climbs from where a cell expects yaw, size and place.
+    pub fn climb(&self, cell: &Cell, scratch: &mut RefineScratch) -> Result<Climbed, PerceiveError> {
         let start = start(cell, self.told);
-        let refined = refine(&start, |at| {
-            let placed = cell.placed(self.frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]));
-            let found = self.evidence.of_placed(seen, &placed, self.outside, cell.class, scratch)?;
-            Ok::<_, PerceiveError>(self.weight * found.log_ratio)
-        })?;
-        let log_evidence = (refined.value - start.log_density(&refined.parameters)) / self.weight;
+        if start.is_known() {
+            return Ok(Climbed { cell: *cell, parameters: start.expected, value: 0.0 });
+        }
+        let (parameters, value) = start.climb(|at| self.log_likelihood(Detail::Coarse, cell, at, scratch))?;
+        Ok(Climbed { cell: *cell, parameters, value })
+    }
+
+    /// Ends a climb.
+    pub fn settle(&self, climbed: &Climbed, scratch: &mut RefineScratch) -> Result<Mode, PerceiveError> {
+        let Climbed { cell, parameters, .. } = climbed;
+        let start = start(cell, self.told);
+        let mut refined = match start.is_known() {
+            true => Refined { parameters: *parameters, deviations: [0.0; 5], value: 0.0 },
+            false => start.settle(parameters, |at| self.log_likelihood(Detail::Fine, cell, at, scratch))?,
+        };
+        let log_evidence = self.of_all(cell, &refined.parameters, scratch)?;
+        refined.value = self.weight * log_evidence + start.log_density(&refined.parameters);
         Ok(Mode { cell: *cell, refined, log_evidence })
+    }
+
+    /// Both.
+    pub fn refine(&self, cell: &Cell, scratch: &mut RefineScratch) -> Result<Mode, PerceiveError> {
+        let climbed = self.climb(cell, scratch)?;
+        self.settle(&climbed, scratch)
+    }
+
+    fn placed(&self, cell: &Cell, at: &Parameters) -> Similarity {
+        cell.placed(self.frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]))
+    }
+
+    fn of_all(&self, cell: &Cell, at: &Parameters, scratch: &mut RefineScratch) -> Result<f64, PerceiveError> {
+        Ok(self.evidence.of_placed(self.seen, &self.placed(cell, at), self.outside, cell.class, &mut scratch.all)?.log_ratio)
+    }
+
+    fn log_likelihood(&self, detail: Detail, cell: &Cell, at: &Parameters, scratch: &mut RefineScratch) -> Result<f64, PerceiveError> {
+        let log_evidence = match &self.evidence.thinned {
+            Some(thinned) => {
+                let (placed, noise) = (self.placed(cell, at), self.evidence.noise_variance);
+                thinned.log_evidence(detail, self.codes, &placed, self.outside, cell.class, noise, &mut scratch.thinned)?
+            }
+            None => self.of_all(cell, at, scratch)?,
+        };
+        Ok(self.weight * log_evidence)
     }
 }
 
@@ -297,7 +362,7 @@ impl CameraSearch<'_> {
         [0.0, scale.ln(), place.x, place.y, place.z, side, side, side]
     }
 
-    /// Refines the likely modes of the likely classes, on all threads; leaves the best of each class in `scratch.modes`, the most probable class
+    /// Refines the likely modes of the likely classes; leaves the best of each class in `scratch.modes`, the most probable class
     /// first.
     fn refine_modes(
         &self,
@@ -308,7 +373,7 @@ impl CameraSearch<'_> {
         scratch: &mut CameraScratch,
         posterior: &[f64],
     ) -> Result<(), PerceiveError> {
-        let CameraScratch { view, evidence: pool, order, merging, likely, starts, refined, modes, .. } = scratch;
+        let CameraScratch { view, refining, codes, order, merging, likely, starts, climbed, modes, .. } = scratch;
         // Where all is told there is nothing to refine, and a class costs no more than its evidence.
         let (least, most) = match told {
             KnownPlacement { yaw: Some(_), scale: Some(_), place: Some(_), .. } => (CAMERA.least_likely_of_known, posterior.len()),
@@ -326,23 +391,23 @@ impl CameraSearch<'_> {
         }
         let weight = self.evidence_blend.evidence.max(1e-9);
         let evidence = self.evidence;
-        let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told };
-        refined.clear();
-        refined.resize(starts.len(), None);
-        refined.par_iter_mut().zip(&*starts).try_for_each(|(refined, cell)| {
-            let mode = pool.with(|| EvidenceScratch::new(evidence.dims()), |scratch| refiner.refine(seen, cell, scratch))?;
-            *refined = Some(mode);
-            Ok::<_, PerceiveError>(())
-        })?;
-        let value = |mode: &Mode| {
-            let prior = (poses.log_prior)(mode.refined.parameters[0], &mode.cell.resting);
-            mode.refined.value + mode.cell.log_weight(poses.weight) + prior
-        };
+        codes.set(seen);
+        let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told, seen, codes };
+        let prior_of = |cell: &Cell, at: &Parameters| cell.log_weight(poses.weight) + (poses.log_prior)(at[0], &cell.resting);
         modes.clear();
-        modes.extend(likely.iter().filter_map(|class| {
-            let of_class = refined.iter().flatten().filter(|mode| mode.cell.class == *class);
-            of_class.reduce(|best, next| if value(next) > value(best) { next } else { best }).copied()
-        }));
+        let scratch = refining.get_or_insert_with(|| RefineScratch::new(evidence.dims()));
+        climbed.clear();
+        for cell in &*starts {
+            climbed.push(refiner.climb(cell, scratch)?);
+        }
+        for class in &*likely {
+            let value = |of: &Climbed| of.value + prior_of(&of.cell, &of.parameters);
+            let of_class = climbed.iter().filter(|climbed| climbed.cell.class == *class);
+            let best = of_class.reduce(|best, next| if value(next) > value(best) { next } else { best });
+            if let Some(best) = best {
+                modes.push(refiner.settle(best, scratch)?);
+            }
+        }
         Ok(())
     }
 

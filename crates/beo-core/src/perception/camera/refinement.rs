@@ -43,48 +43,67 @@ pub struct Refined {
     pub value: f64,
 }
 
-/// Climbs from `start` on the log density `log_likelihood` plus the expectation's own.
-pub fn refine<E>(start: &Placement, mut log_likelihood: impl FnMut(&Parameters) -> Result<f64, E>) -> Result<Refined, E> {
-    let mut value_of = |at: &Parameters| -> Result<f64, E> { Ok(log_likelihood(at)? + start.log_density(at)) };
-    let mut best = start.expected;
-    let mut value = value_of(&best)?;
-    let (mut axes, mut free) = ([0; 5], 0);
-    for axis in (0..best.len()).filter(|axis| start.deviations[*axis] > 0.0) {
-        axes[free] = axis;
-        free += 1;
-    }
-    let axes = &axes[..free];
-    for step in STEPS {
-        (best, value) = climb((best, value), axes, 1, Neighbours::First, |at, axis, side| {
-            let mut next = *at;
-            next[axis] += side * step * start.deviations[axis];
-            value_of(&next).map(|found| Some((next, found)))
-        })?;
-    }
-    let mut deviations = [0.0; 5];
-    for &axis in axes {
-        let step = LAST * start.deviations[axis];
-        let mut beside = |by: f64| {
-            let mut next = best;
-            next[axis] += by * step;
-            value_of(&next).map(|found| (next, found))
-        };
-        let (low, high) = (beside(-1.0)?, beside(1.0)?);
-        let widest = start.deviations[axis];
-        deviations[axis] = widest;
-        let mut seen = [None, Some(low), Some(high)];
-        if let Some((top, bend)) = parabola(low.1, value, high.1) {
-            let curvature = -bend / (step * step);
-            deviations[axis] = curvature.sqrt().recip().clamp(LEAST * widest, widest);
-            seen[0] = Some(beside(top.clamp(-1.0, 1.0))?);
+impl Placement {
+    /// The axes along which something is to be found, and how many they are.
+    fn free(&self) -> ([usize; 5], usize) {
+        let (mut axes, mut free) = ([0; 5], 0);
+        for axis in (0..axes.len()).filter(|axis| self.deviations[*axis] > 0.0) {
+            axes[free] = axis;
+            free += 1;
         }
-        for (next, found) in seen.into_iter().flatten() {
-            if found > value {
-                (best, value) = (next, found);
+        (axes, free)
+    }
+
+    /// Whether nothing is to be found.
+    pub fn is_known(&self) -> bool {
+        self.free().1 == 0
+    }
+
+    /// Climbs on the log density `log_likelihood` plus the expectation's own, by whole steps; gives the best parameters and the value there.
+    pub fn climb<E>(&self, mut log_likelihood: impl FnMut(&Parameters) -> Result<f64, E>) -> Result<(Parameters, f64), E> {
+        let mut value_of = |at: &Parameters| -> Result<f64, E> { Ok(log_likelihood(at)? + self.log_density(at)) };
+        let mut best = (self.expected, value_of(&self.expected)?);
+        let (axes, free) = self.free();
+        for step in STEPS {
+            best = climb(best, &axes[..free], 1, Neighbours::First, |at, axis, side| {
+                let mut next = *at;
+                next[axis] += side * step * self.deviations[axis];
+                value_of(&next).map(|found| Some((next, found)))
+            })?;
+        }
+        Ok(best)
+    }
+
+    /// Ends a climb: the top of a parabola along each axis after the other, and the deviations by its curvature.
+    pub fn settle<E>(&self, at: &Parameters, mut log_likelihood: impl FnMut(&Parameters) -> Result<f64, E>) -> Result<Refined, E> {
+        let mut value_of = |at: &Parameters| -> Result<f64, E> { Ok(log_likelihood(at)? + self.log_density(at)) };
+        let (mut best, mut value) = (*at, value_of(at)?);
+        let (axes, free) = self.free();
+        let mut deviations = [0.0; 5];
+        for &axis in &axes[..free] {
+            let step = LAST * self.deviations[axis];
+            let mut beside = |by: f64| {
+                let mut next = best;
+                next[axis] += by * step;
+                value_of(&next).map(|found| (next, found))
+            };
+            let (low, high) = (beside(-1.0)?, beside(1.0)?);
+            let widest = self.deviations[axis];
+            deviations[axis] = widest;
+            let mut seen = [None, Some(low), Some(high)];
+            if let Some((top, bend)) = parabola(low.1, value, high.1) {
+                let curvature = -bend / (step * step);
+                deviations[axis] = curvature.sqrt().recip().clamp(LEAST * widest, widest);
+                seen[0] = Some(beside(top.clamp(-1.0, 1.0))?);
+            }
+            for (next, found) in seen.into_iter().flatten() {
+                if found > value {
+                    (best, value) = (next, found);
+                }
             }
         }
+        Ok(Refined { parameters: best, deviations, value })
     }
-    Ok(Refined { parameters: best, deviations, value })
 }
 
 #[cfg(test)]
@@ -99,7 +118,9 @@ mod tests {
         let (truth, sharp): ([f64; 5], [f64; 5]) = ([0.2, -0.1, 1.8, -1.0, 9.0], [0.1, 0.1, 0.5, 1.0, 1.0]);
         let likelihood =
             |at: &Parameters| -> Result<f64, Infallible> { Ok((0..5).map(|i| -0.5 * ((at[i] - truth[i]) / sharp[i]).powi(2)).sum()) };
-        let found = refine(&start, likelihood).unwrap();
+        let (climbed, reached) = start.climb(likelihood).unwrap();
+        let found = start.settle(&climbed, likelihood).unwrap();
+        assert!(found.value >= reached);
         for i in 0..4 {
             let (a, b) = (1.0 / start.deviations[i].powi(2), 1.0 / sharp[i].powi(2));
             let mean = (a * start.expected[i] + b * truth[i]) / (a + b);
@@ -113,6 +134,8 @@ mod tests {
     #[test]
     fn an_error_of_the_likelihood_is_passed_on() {
         let start = Placement { expected: [0.0; 5], deviations: [1.0; 5] };
-        assert_eq!(refine(&start, |at| if at[2] > 0.5 { Err("no") } else { Ok(0.0) }).unwrap_err(), "no");
+        let likelihood = |at: &Parameters| if at[2] > 0.1 { Err("no") } else { Ok(0.0) };
+        assert_eq!(start.climb(likelihood).unwrap_err(), "no");
+        assert_eq!(start.settle(&[0.0; 5], likelihood).unwrap_err(), "no");
     }
 }

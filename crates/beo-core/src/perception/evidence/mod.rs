@@ -2,10 +2,16 @@
 //!
 //! | file | content | source |
 //! | --- | --- | --- |
-//! | `subspace` | a class conditioned on the known voxels: evidence, posterior mean and variance | eqs. 1, 6, 15–17 |
+//! | `conditional` | a class conditioned on sums over the known voxels: evidence and posterior of the coefficients | eqs. 1, 6, 15–17 |
+//! | `subspace` | these sums, and posterior mean and variance of voxels | eqs. 1, 16, 17 |
+//! | `lattice` | some of the voxels of a grid that stand for all | |
+//! | `thinned` | the evidence from a lattice's voxels, on which searches climb | |
 //! | `prediction` | posterior mean and variance of blocks of voxels | |
 //! | `placed` | the evidence of a class for an object that lies in a given way | |
 
+pub mod conditional;
+pub mod lattice;
 pub mod placed;
 pub mod prediction;
 pub mod subspace;
+pub mod thinned;

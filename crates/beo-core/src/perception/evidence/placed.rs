@@ -4,7 +4,9 @@
 //! In the canonical grid a voxel stands for scale³ of those that were observed, so that log evidence relative to the background, times
 //! scale³, speaks of the same data whatever the scale.
 
-use super::subspace::{ClassSubspace, Conditional};
+use super::conditional::Conditional;
+use super::subspace::ClassSubspace;
+use super::thinned::ThinnedModel;
 use crate::grid::{Dims, Observation, Outside, Rotation, Similarity, Turn};
 use crate::linear::LinearError;
 use crate::model::Damaged;
@@ -103,9 +105,17 @@ pub(crate) struct EvidenceModel {
     pub subspaces: Vec<ClassSubspace>,
     /// σ², inflated.
     pub noise_variance: f64,
+    /// The same on lattices, for searches; none where W' is read in place.
+    pub thinned: Option<ThinnedModel>,
 }
 
 impl EvidenceModel {
+    /// Classes as Gaussians about which the noise has this variance.
+    pub fn new(rows: BasisRows, subspaces: Vec<ClassSubspace>, noise_variance: f64) -> Self {
+        let thinned = ThinnedModel::new(rows.dims(), &subspaces);
+        Self { rows, subspaces, noise_variance, thinned }
+    }
+
     /// Size of the canonical grid.
     pub fn dims(&self) -> Dims {
         self.rows.dims()

@@ -5,9 +5,11 @@
 //! cheaper than the same in the shared basis. Of the voxels it needs the Gram matrix of [W_s, μ_s, 1] over the unknown ones
 //! (subtracted from that over all voxels: eq. 16 with V_qᵀV_q = I − unknown) and a sum over the filled ones (eq. 17).
 
+use super::conditional::{BLOCK, ClassGram, Conditional, SharedScratch, add_gram, stride};
 use super::prediction::{Posterior, Predicted};
+use super::thinned::ThinnedClass;
 use crate::grid::Dims;
-use crate::linear::{LinearError, cholesky_rows, dot64, symmetric_eigen};
+use crate::linear::{LinearError, dot64};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
 use crate::perception::basis::columns::{BlockScratch, Columns};
 use crate::perception::basis::known::Known;
@@ -23,19 +25,12 @@ use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Voxels whose products are formed at once.
-const BLOCK: usize = 1024;
-
 /// One class, ready for queries.
 pub struct ClassSubspace {
-    /// k, the number of directions.
-    size: usize,
+    /// The prior, and the Gram matrix over all voxels.
+    prior: ClassGram,
     /// d rows of [W_s, μ_s, 1].
     rows: ClassRows,
-    /// Square roots of the prior variances.
-    scales: Vec<f64>,
-    /// Gram matrix of the rows over all voxels, packed lower triangle.
-    gram: Vec<f64>,
 }
 
 /// A class's rows over the voxels.
@@ -54,101 +49,6 @@ enum ClassRows {
         /// a × (k + 1): directions and mean in coordinates of W'.
         transform: Mat<f64>,
     },
-}
-
-/// The posterior of one class given one query; reused from query to query.
-pub struct Conditional {
-    /// log p(known voxels | class).
-    pub log_evidence: f64,
-    /// Log density of the known voxels without a class: noise of the same variance about zero.
-    log_background: f64,
-    /// Squared distance of the class mean to the known voxels, ‖w − V μ_s‖².
-    pub distance2: f64,
-    /// Posterior mean of the coefficients, k values.
-    pub coefficients: Vec<f32>,
-    /// The posterior in the form in which prediction reads it, after [`ClassSubspace::prepare`].
-    pub posterior: Posterior,
-    gathered: Vec<f32>,
-    /// Gram matrix over the unknown voxels, packed lower triangle.
-    unknown: Vec<f64>,
-    /// Sum of the rows of filled voxels.
-    filled: Vec<f64>,
-    /// L, k × k row-major, lower triangle.
-    factor: Vec<f64>,
-    shared: SharedScratch,
-}
-
-/// Memory for a class whose rows are combinations of those of W', which is read in place; column-major.
-#[derive(Default)]
-struct SharedScratch {
-    /// The Gram matrix of W' times T, a × k.
-    product: Vec<f64>,
-    /// S Tᵀ, k × a.
-    spread: Vec<f64>,
-    /// T Sᵀ S Tᵀ, a × a, and its factor.
-    square: Vec<f64>,
-    factor: Vec<f64>,
-    /// Coefficients in W', a values, and the units of its rows.
-    coefficients: Vec<f64>,
-    single: Vec<f32>,
-    units: Vec<f32>,
-}
-
-impl Conditional {
-    /// Room for a class with `size` directions.
-    pub fn new(size: usize) -> Self {
-        let mut conditional = Self {
-            log_evidence: 0.0,
-            log_background: 0.0,
-            distance2: 0.0,
-            coefficients: Vec::new(),
-            posterior: Posterior::new(0),
-            gathered: Vec::new(),
-            unknown: Vec::new(),
-            filled: Vec::new(),
-            factor: Vec::new(),
-            shared: SharedScratch::default(),
-        };
-        conditional.make_room(size);
-        conditional
-    }
-
-    /// Makes room for a class with `size` directions; allocates nothing if there was room before.
-    fn make_room(&mut self, size: usize) {
-        if self.coefficients.len() == size && !self.filled.is_empty() {
-            return;
-        }
-        let stride = stride(size);
-        if self.gathered.len() < BLOCK * stride {
-            self.gathered.resize(BLOCK * stride, 0.0);
-        }
-        self.coefficients.resize(size, 0.0);
-        self.posterior.resize(size);
-        self.unknown.resize(packed_len(size + 2), 0.0);
-        self.filled.resize(stride, 0.0);
-        self.factor.resize(size * size, 0.0);
-    }
-
-    /// THE log evidence of an observation: log p(known voxels | class) less that of a background without a class.
-    ///
-    /// The background is noise of the same variance about zero. A known empty voxel far from the object, of which moving the observation adds or
-    /// removes some, then says nothing, so that observations in different poses can be compared.
-    pub fn log_evidence_ratio(&self) -> f64 {
-        self.log_evidence - self.log_background
-    }
-}
-
-/// The positive semidefinite matrix that is nearest to a symmetric one (k × k), given by the entries of its lower half.
-fn nearest_semidefinite(k: usize, entry: impl Fn(usize, usize) -> f64) -> Result<Mat<f64>, LinearError> {
-    let matrix = Mat::from_fn(k, k, |i, j| entry(i.max(j), i.min(j)));
-    let eigen = symmetric_eigen(matrix.as_ref())?;
-    let scaled = Mat::from_fn(k, k, |i, h| eigen.vectors[(i, h)] * eigen.values[h].max(0.0));
-    Ok(scaled * eigen.vectors.transpose())
-}
-
-/// Values from row to row of a class with `size` directions.
-fn stride(size: usize) -> usize {
-    (size + 2).next_multiple_of(LANES)
 }
 
 impl ClassSubspace {
@@ -187,7 +87,7 @@ impl ClassSubspace {
         }
         let tiles = TileGrams::new(Tiling::new(dims), &wide, stride, width);
         let columns = Columns::new(dims, k, &rows);
-        Self { size: k, rows: ClassRows::Derived { rows, columns, tiles }, scales: roots(&class.variances), gram }
+        Self { prior: ClassGram { size: k, scales: roots(&class.variances), gram }, rows: ClassRows::Derived { rows, columns, tiles } }
     }
 
     /// A class, ready for queries that are taken apart by [`BasisRows::take_apart`].
@@ -205,7 +105,10 @@ impl ClassSubspace {
         let transform = Mat::from_fn(a, k + 1, entry);
         let mut gram = vec![0.0; packed_len(k + 2)];
         transform_gram(rows.gram(), &transform, &mut Vec::new(), &mut gram);
-        Self { size: k, rows: ClassRows::Shared { rows: rows.clone(), transform }, scales: roots(&class.variances), gram }
+        Self {
+            prior: ClassGram { size: k, scales: roots(&class.variances), gram },
+            rows: ClassRows::Shared { rows: rows.clone(), transform },
+        }
     }
 
     /// Bytes that [`Self::new`] keeps for a class with `size` directions.
@@ -235,18 +138,18 @@ impl ClassSubspace {
 
     /// Number of directions, k.
     pub fn size(&self) -> usize {
-        self.size
+        self.prior.size
     }
 
     /// The class mean of one voxel, as learned (not clamped).
     pub fn mean(&self, voxel: usize) -> f32 {
         match &self.rows {
-            ClassRows::Derived { rows, .. } => rows.value(voxel, self.size),
+            ClassRows::Derived { rows, .. } => rows.value(voxel, self.prior.size),
             ClassRows::Shared { rows, .. } if !rows.reaches(voxel) => 0.0,
             ClassRows::Shared { rows, transform } => {
                 let mut row = vec![0.0; rows.rank()];
                 rows.row(voxel, &mut row);
-                row.iter().zip(transform.col_as_slice(self.size)).map(|(v, m)| v * *m as f32).sum()
+                row.iter().zip(transform.col_as_slice(self.prior.size)).map(|(v, m)| v * *m as f32).sum()
             }
         }
     }
@@ -270,7 +173,7 @@ impl ClassSubspace {
                 if !rows.load(column, z, scratch) {
                     return Predicted { mean: class_mean, variance: class_mean, class_mean };
                 }
-                for (values, weight) in scratch.shared.iter().zip(transform.col_as_slice(self.size)) {
+                for (values, weight) in scratch.shared.iter().zip(transform.col_as_slice(self.prior.size)) {
                     for l in 0..LANES {
                         class_mean[l] = multiply_add::<FUSED>(*weight as f32, values[l], class_mean[l]);
                     }
@@ -283,70 +186,31 @@ impl ClassSubspace {
     /// Conditions the class on the known voxels, with noise variance `noise`.
     pub fn condition(&self, known: &Known, noise: f64, out: &mut Conditional) -> Result<(), LinearError> {
         self.gather(known, out);
-        self.solve(noise, out)
-    }
-
-    /// All that conditioning reads of the voxels, whatever the noise.
-    pub fn gather(&self, known: &Known, out: &mut Conditional) {
-        out.make_room(self.size);
-        match &self.rows {
-            ClassRows::Derived { rows, tiles, .. } => {
-                unknown_gram(rows, tiles, self.size, known, out);
-                rows.add(&known.filled, &mut out.filled);
-            }
-            ClassRows::Shared { transform, .. } => gather_shared(transform, self.size, &known.sums, out),
-        }
+        self.prior.solve(noise, out)
     }
 
     /// Conditions the class on what [`Self::gather`] has read, with noise variance `noise`.
     pub fn solve(&self, noise: f64, out: &mut Conditional) -> Result<(), LinearError> {
-        let k = self.size;
-        let gram = |i: usize, j: usize| self.gram[packed(i, j)] - out.unknown[packed(i, j)];
-        let voxels = gram(k + 1, k + 1);
-
-        let filled = &out.filled;
-        let residual = filled[k + 1] - 2.0 * filled[k] + gram(k, k);
-
-        out.distance2 = residual;
-
-        self.fill_factor(noise, gram, &mut out.factor);
-        let mut half = [0.0_f64; MOST_COMPONENTS];
-        for i in 0..k {
-            half[i] = self.scales[i] * (filled[i] - gram(k, i)) / noise;
-        }
-        if cholesky_rows(&mut out.factor, k).is_err() {
-            // A is a difference of two sums, and rounding may leave it eigenvalues below zero, which matters where the noise is small.
-            let possible = nearest_semidefinite(k, gram)?;
-            self.fill_factor(noise, |i, j| possible[(i, j)], &mut out.factor);
-            cholesky_rows(&mut out.factor, k)?;
-        }
-        let l = &out.factor;
-        let mut log_det = 0.0;
-        for i in 0..k {
-            half[i] = (half[i] - dot64(&l[i * k..i * k + i], &half[..i])) / l[i * k + i];
-            log_det += 2.0 * l[i * k + i].ln();
-        }
-        let quadratic: f64 = half[..k].iter().map(|v| v * v).sum();
-        let log_unit = (std::f64::consts::TAU * noise).ln();
-        out.log_background = -0.5 * (voxels * log_unit + filled[k + 1] / noise);
-        out.log_evidence = -0.5 * (voxels * log_unit + log_det + residual / noise - quadratic);
-
-        for i in (0..k).rev() {
-            half[i] /= l[i * k + i];
-            let value = half[i];
-            half[..i].iter_mut().zip(&l[i * k..]).for_each(|(half, l)| *half -= l * value);
-            out.coefficients[i] = (self.scales[i] * value) as f32;
-        }
-        Ok(())
+        self.prior.solve(noise, out)
     }
 
-    /// M = I + Λ^½ A Λ^½ / σ², lower half row after row, of the known voxels' Gram matrix A.
-    fn fill_factor(&self, noise: f64, gram: impl Fn(usize, usize) -> f64, factor: &mut [f64]) {
-        for (i, row) in factor.chunks_exact_mut(self.size.max(1)).enumerate() {
-            for (j, entry) in row[..=i].iter_mut().enumerate() {
-                let identity = if i == j { 1.0 } else { 0.0 };
-                *entry = identity + self.scales[i] * gram(i, j) * self.scales[j] / noise;
+    /// The class on some of the voxels only; none where nothing is derived over voxels.
+    pub fn thinned(&self, voxels: &[usize]) -> Option<ThinnedClass> {
+        match &self.rows {
+            ClassRows::Derived { rows, .. } => Some(ThinnedClass::new(&self.prior, rows.select(voxels))),
+            ClassRows::Shared { .. } => None,
+        }
+    }
+
+    /// All that conditioning reads of the voxels, whatever the noise.
+    pub fn gather(&self, known: &Known, out: &mut Conditional) {
+        out.make_room(self.prior.size);
+        match &self.rows {
+            ClassRows::Derived { rows, tiles, .. } => {
+                unknown_gram(rows, tiles, self.prior.size, known, out);
+                rows.add(&known.filled, &mut out.filled);
             }
+            ClassRows::Shared { transform, .. } => gather_shared(transform, self.prior.size, &known.sums, out),
         }
     }
 
@@ -354,7 +218,7 @@ impl ClassSubspace {
     pub fn reconstruct(&self, conditional: &Conditional, mut each: impl FnMut(f32)) {
         match &self.rows {
             ClassRows::Derived { rows, .. } => {
-                dispatch(Reconstruct { rows, size: self.size, coefficients: &conditional.coefficients, each });
+                dispatch(Reconstruct { rows, size: self.prior.size, coefficients: &conditional.coefficients, each });
             }
             ClassRows::Shared { rows, transform } => {
                 let mut weights = Vec::new();
@@ -370,7 +234,7 @@ impl ClassSubspace {
 
     /// Prepares `conditional` for prediction: S = L⁻¹ Λ^½, which gives variances.
     pub fn prepare(&self, conditional: &mut Conditional) {
-        let k = self.size;
+        let k = self.prior.size;
         let l = &mut conditional.factor;
         // L⁻¹ in the unused upper half, transposed; its diagonal is that of L, inverted. Column j by forward substitution.
         for j in 0..k {
@@ -381,7 +245,7 @@ impl ClassSubspace {
                 l[j * k + i] = column[i];
             }
         }
-        let entry = |i: usize, j: usize| self.scales[j] * if i == j { 1.0 / l[i * k + i] } else { l[j * k + i] };
+        let entry = |i: usize, j: usize| self.prior.scales[j] * if i == j { 1.0 / l[i * k + i] } else { l[j * k + i] };
         match &self.rows {
             ClassRows::Derived { rows, .. } => {
                 conditional.posterior.prepare(rows.scales(), &conditional.coefficients, |i, j| entry(i, j) as f32);
@@ -473,22 +337,9 @@ fn lower_factor(q: &[f64], n: usize, factor: &mut Vec<f64>) {
 
 /// The Gram matrix of a class's derived rows over the unknown voxels, into `out.unknown`.
 fn unknown_gram(rows: &Rows, tiles: &TileGrams, size: usize, known: &Known, out: &mut Conditional) {
-    let (stride, width) = (rows.stride(), size + 2);
     out.unknown.fill(0.0);
     dispatch(tiles.add(&known.division.levels, &mut out.unknown));
-    let mut rest = &known.division.rest[..];
-    while !rest.is_empty() {
-        // As many runs as fit; one has at most 256 voxels.
-        let mut voxels = 0;
-        let mut fits = |(start, end): &(usize, usize)| {
-            voxels += end - start;
-            voxels <= BLOCK
-        };
-        let (runs, later) = rest.split_at(rest.iter().take_while(|run| fits(run)).count());
-        rest = later;
-        let values = rows.widen(runs, &mut out.gathered);
-        dispatch(AddGram { rows: &out.gathered, count: values / stride, stride, width, out: &mut out.unknown });
-    }
+    add_gram(rows, size + 2, &known.division.rest, &mut out.gathered, &mut out.unknown);
 }
 
 /// Calls `each` with the mean of every voxel, given the coefficients.
@@ -528,6 +379,7 @@ impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
 mod tests {
     use super::*;
     use crate::grid::Observation;
+    use crate::linear::symmetric_eigen;
     use half::f16;
 
     #[test]
@@ -564,7 +416,7 @@ mod tests {
         known.read(&Observation::from_bytes(dims, &codes).unwrap());
         let mut conditional = Conditional::new(k);
         subspace.gather(&known, &mut conditional);
-        let gram = |i: usize, j: usize| subspace.gram[packed(i, j)] - conditional.unknown[packed(i, j)];
+        let gram = |i: usize, j: usize| subspace.prior.gram[packed(i, j)] - conditional.unknown[packed(i, j)];
         let lowest = symmetric_eigen(Mat::from_fn(k, k, |i, j| gram(i.max(j), i.min(j))).as_ref()).unwrap().values[k - 1];
         assert!(1e3 * lowest / 1e-12 < -1.0, "nothing is tested: {lowest}");
         for noise in [1e-3, 1e-6, 1e-9, 1e-12] {

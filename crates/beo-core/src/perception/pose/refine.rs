@@ -10,8 +10,9 @@
 use crate::grid::{Dims, Observation, Outside, Rotation, Similarity};
 use crate::perception::PerceiveError;
 use crate::perception::basis::known::Known;
+use crate::perception::evidence::conditional::Conditional;
 use crate::perception::evidence::placed::{Evidence, EvidenceModel, EvidenceScratch};
-use crate::perception::evidence::subspace::{ClassSubspace, Conditional};
+use crate::perception::evidence::subspace::ClassSubspace;
 use crate::perception::pool::Pool;
 use crate::perception::search::climb::{Neighbours, climb};
 use nalgebra::{Unit, Vector3};
