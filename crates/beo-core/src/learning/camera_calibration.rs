@@ -8,8 +8,8 @@ use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS
 use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner, RefineScratch};
 use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
+use crate::perception::evidence::lattice::Codes;
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::evidence::thinned::Codes;
 use crate::perception::scored::Scored as PerceptScores;
 use crate::perception::timings::Clock;
 use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
@@ -316,7 +316,7 @@ fn weigh(
         likely.sort_by(|a, b| marginals[n][*b].total_cmp(&marginals[n][*a]).then(a.cmp(b)));
         likely.truncate(LIKELY);
         let mut codes = Codes::default();
-        codes.set(&view.sample.observation);
+        codes.set(&view.sample.observation, Outside::Unknown);
         let refiner = ModeRefiner {
             evidence: &left_out.evidence,
             seen: &view.sample.observation,

@@ -35,17 +35,6 @@ impl Rows {
         Self { stride, values, scales }
     }
 
-    /// The rows of some voxels.
-    pub fn select(&self, voxels: &[usize]) -> Self {
-        let values = voxels.iter().flat_map(|voxel| self.row(*voxel)).copied().collect();
-        Self { stride: self.stride, values, scales: self.scales.clone() }
-    }
-
-    /// Number of rows.
-    pub fn len(&self) -> usize {
-        self.values.len() / self.stride
-    }
-
     /// Values from row to row.
     pub fn stride(&self) -> usize {
         self.stride

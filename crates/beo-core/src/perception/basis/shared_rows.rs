@@ -239,7 +239,7 @@ impl SharedRows {
             self.touch(unknown, columns.clone())?;
             self.blocks(unknown, columns.clone(), |rows, count| {
                 add_rows(rows, count, &mut part.rows);
-                dispatch(AddGram { rows, count, stride: a, width: a, out: &mut part.gram });
+                dispatch(AddGram::of_all(rows, count, a, a, &mut part.gram));
             });
             self.touch(filled, columns.clone())?;
             self.blocks(filled, columns, |rows, count| add_rows(rows, count, &mut part.filled));

@@ -10,8 +10,9 @@ use crate::grid::{Dims, Observation, Outside, Rotation, Similarity, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
+use crate::perception::evidence::lattice::Codes;
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::evidence::thinned::{Codes, Detail, ThinnedScratch};
+use crate::perception::evidence::thinned::{Detail, ThinnedScratch};
 use crate::perception::pool::Pool;
 use crate::perception::scored::Sample;
 use crate::perception::scored::{ClassMask, MODE_RADIUS, Scored};
@@ -141,7 +142,7 @@ impl ModeRefiner<'_> {
         let log_evidence = match &self.evidence.thinned {
             Some(thinned) => {
                 let (placed, noise) = (self.placed(cell, at), self.evidence.noise_variance);
-                thinned.log_evidence(detail, self.codes, &placed, self.outside, cell.class, noise, &mut scratch.thinned)?
+                thinned.log_evidence(detail, self.codes, &placed, cell.class, noise, &mut scratch.thinned)?
             }
             None => self.of_all(cell, at, scratch)?,
         };
@@ -391,7 +392,7 @@ impl CameraSearch<'_> {
         }
         let weight = self.evidence_blend.evidence.max(1e-9);
         let evidence = self.evidence;
-        codes.set(seen);
+        codes.set(seen, self.query.outside);
         let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told, seen, codes };
         let prior_of = |cell: &Cell, at: &Parameters| cell.log_weight(poses.weight) + (poses.log_prior)(at[0], &cell.resting);
         modes.clear();

@@ -172,7 +172,7 @@ pub(super) fn add_gram(rows: &Rows, width: usize, runs: &[(usize, usize)], gathe
         let (runs, later) = rest.split_at(rest.iter().take_while(|run| fits(run)).count());
         rest = later;
         let values = rows.widen(runs, gathered);
-        dispatch(AddGram { rows: gathered, count: values / stride, stride, width, out });
+        dispatch(AddGram::of_all(gathered, values / stride, stride, width, out));
     }
 }
 

@@ -4,15 +4,9 @@
 //! row along an axis exactly one belongs to it, and are chosen such that its nearest voxels lie as far apart as they can (Sloan & Joe, *Lattice
 //! Methods for Multiple Integration*, 1994). Edges and faces are thus met evenly, however they lie.
 
-use crate::grid::{Dims, Outside, Similarity};
+use crate::grid::{Dims, Observation, Outside, Similarity};
 use crate::perception::kernels::lanes::{Kernel, dispatch, multiply_add};
 use std::cmp::Reverse;
-
-/// Where a voxel comes from that lies outside the grid.
-const NOWHERE: u32 = u32::MAX;
-
-/// Voxels of a run, at most.
-const LONGEST_RUN: usize = 256;
 
 /// Some of the voxels of a grid, ascending.
 pub struct Lattice {
@@ -22,16 +16,75 @@ pub struct Lattice {
     centres: [Vec<f32>; 3],
 }
 
-/// What is seen of the voxels of a lattice, as runs (start, end) of their places in it.
+/// What is seen of the voxels of a lattice: their places in it, ascending.
 #[derive(Default)]
 pub struct Sampled {
-    /// Known to be filled or empty.
-    pub known: Vec<(usize, usize)>,
-    /// Not known.
-    pub unknown: Vec<(usize, usize)>,
-    /// Known to be filled.
-    pub filled: Vec<usize>,
+    known: Places,
+    unknown: Places,
+    filled: Places,
     sources: Vec<u32>,
+}
+
+/// Some places, and room for all.
+#[derive(Default)]
+struct Places {
+    places: Vec<u32>,
+    count: usize,
+}
+
+impl Places {
+    fn clear(&mut self, room: usize) {
+        self.places.resize(room, 0);
+        self.count = 0;
+    }
+
+    /// Adds a place if it is one of them; without a branch, which could not be predicted.
+    #[inline(always)]
+    fn add(&mut self, place: usize, is_one: bool) {
+        self.places[self.count] = place as u32;
+        self.count += usize::from(is_one);
+    }
+
+    fn all(&self) -> &[u32] {
+        &self.places[..self.count]
+    }
+}
+
+impl Sampled {
+    /// Known to be filled or empty.
+    pub fn known(&self) -> &[u32] {
+        self.known.all()
+    }
+
+    /// Not known.
+    pub fn unknown(&self) -> &[u32] {
+        self.unknown.all()
+    }
+
+    /// Known to be filled.
+    pub fn filled(&self) -> &[u32] {
+        self.filled.all()
+    }
+}
+
+/// What is known of every voxel of a grid, a byte each, and of the space beyond.
+#[derive(Default)]
+pub struct Codes(Vec<u8>);
+
+/// Bits of a code.
+const KNOWN: u8 = 1;
+const FILLED: u8 = 2;
+
+impl Codes {
+    /// Takes in an observation; `outside` says what lies beyond the grid.
+    pub fn set(&mut self, observation: &Observation, outside: Outside) {
+        let Self(codes) = self;
+        codes.clear();
+        codes.resize(observation.dims().voxels(), 0);
+        observation.known().ones().for_each(|voxel| codes[voxel] = KNOWN);
+        observation.filled().ones().for_each(|voxel| codes[voxel] |= FILLED);
+        codes.push(if outside == Outside::Empty { KNOWN } else { 0 });
+    }
 }
 
 impl Lattice {
@@ -62,59 +115,27 @@ impl Lattice {
         self.dims.voxels() as f64 / self.voxels.len() as f64
     }
 
-    /// Moves an observation, given by a code for each voxel (see [`codes`]), to the canonical grid of an object that lies so, as far as
-    /// the lattice goes.
-    pub fn sample(&self, codes: &[u8], placed: &Similarity, outside: Outside, out: &mut Sampled) {
+    /// Moves an observation to the canonical grid of an object that lies so, as far as the lattice goes.
+    pub fn sample(&self, Codes(codes): &Codes, placed: &Similarity, out: &mut Sampled) {
         let Sampled { known, unknown, filled, sources } = out;
-        sources.resize(self.voxels.len(), NOWHERE);
         let (matrix, offset) = placed.map();
         let sides = <[usize; 3]>::from(self.dims);
         let row = |axis: usize| {
             let middle = (sides[axis] as f64 - 1.0) / 2.0;
             [matrix[(axis, 0)], matrix[(axis, 1)], matrix[(axis, 2)], offset[axis] + middle].map(|v| v as f32)
         };
+        sources.resize(self.voxels.len(), 0);
         dispatch(Sources { rows: [row(0), row(1), row(2)], sides, centres: &self.centres, out: sources });
-        for places in [&mut *known, &mut *unknown] {
-            places.clear();
-            places.reserve(self.voxels.len());
+        for places in [&mut *known, unknown, filled] {
+            places.clear(self.voxels.len());
         }
-        filled.clear();
-        filled.reserve(self.voxels.len());
-        let beyond = if outside == Outside::Empty { KNOWN } else { 0 };
-        let (mut start, mut before) = (0, None);
         for (place, source) in sources.iter().enumerate() {
-            let code = codes.get(*source as usize).copied().unwrap_or(beyond);
-            let is_known = code & KNOWN != 0;
-            if code & FILLED != 0 {
-                filled.push(place);
-            }
-            if before != Some(is_known) || place - start == LONGEST_RUN {
-                match before {
-                    Some(true) => known.push((start, place)),
-                    Some(false) => unknown.push((start, place)),
-                    None => {}
-                }
-                (start, before) = (place, Some(is_known));
-            }
-        }
-        match before {
-            Some(true) => known.push((start, sources.len())),
-            Some(false) => unknown.push((start, sources.len())),
-            None => {}
+            let code = codes[*source as usize];
+            known.add(place, code & KNOWN != 0);
+            unknown.add(place, code & KNOWN == 0);
+            filled.add(place, code & FILLED != 0);
         }
     }
-}
-
-/// Bits of a code.
-const KNOWN: u8 = 1;
-const FILLED: u8 = 2;
-
-/// A code for each voxel of an observation, as [`Lattice::sample`] takes them.
-pub fn codes(observation: &crate::grid::Observation, out: &mut Vec<u8>) {
-    out.clear();
-    out.resize(observation.dims().voxels(), 0);
-    observation.known().ones().for_each(|voxel| out[voxel] = KNOWN);
-    observation.filled().ones().for_each(|voxel| out[voxel] |= FILLED);
 }
 
 /// The coefficients (a, b) of the lattice of m voxels whose nearest ones lie farthest apart; of several the least.
@@ -139,7 +160,7 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The voxel that each voxel of a lattice comes from.
+/// The voxel that each voxel of a lattice comes from; one past the last for what comes from outside.
 struct Sources<'a> {
     /// (x, y, z, 1) to the place along each axis, in voxels from the first.
     rows: [[f32; 4]; 3],
@@ -157,7 +178,7 @@ impl Kernel for Sources<'_> {
         const ROUND: f32 = 12_582_912.0;
         let Self { rows, sides, centres: [xs, ys, zs], out } = self;
         let last = sides.map(|side| side as f32 - 1.0);
-        let [_, ny, nz] = sides.map(|side| side as i32);
+        let [nx, ny, nz] = sides.map(|side| side as i32);
         for (((out, x), y), z) in out.iter_mut().zip(xs).zip(ys).zip(zs) {
             let mut at = [0.0_f32; 3];
             for axis in 0..3 {
@@ -169,7 +190,7 @@ impl Kernel for Sources<'_> {
             // Whole numbers, far from the ends of their type where they are inside.
             let [i, j, k] = at.map(|v| v.clamp(0.0, 4096.0) as i32);
             let index = (i * ny + j) * nz + k;
-            *out = if inside { index as u32 } else { NOWHERE };
+            *out = if inside { index } else { nx * ny * nz } as u32;
         }
     }
 }
@@ -177,7 +198,7 @@ impl Kernel for Sources<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Observation, Turn, View, yaw};
+    use crate::grid::{Turn, View, yaw};
     use crate::perception::pose::small::unseen;
     use nalgebra::Vector3;
 
@@ -215,21 +236,20 @@ mod tests {
         let placed = Similarity { rotation: yaw(0.37), scale: 1.13, translation_voxels: Vector3::new(0.61, -1.27, 0.83) };
         let mut turn = Turn::unset(dims);
         turn.set_to_object(&placed);
-        let mut of_all = Vec::new();
-        codes(&seen, &mut of_all);
+        let mut of_all = Codes::default();
         for outside in [Outside::Empty, Outside::Unknown] {
             let moved = turn.observation(&seen, outside);
+            of_all.set(&seen, outside);
             for of in [1, 3, 9] {
                 let (lattice, mut sampled) = (Lattice::one_of(of, dims), Sampled::default());
-                lattice.sample(&of_all, &placed, outside, &mut sampled);
-                let places = |runs: &[(usize, usize)]| runs.iter().flat_map(|(start, end)| *start..*end).collect::<Vec<_>>();
-                let those = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
-                    (0..lattice.voxels().len()).filter(|place| is(lattice.voxels()[*place])).collect()
+                lattice.sample(&of_all, &placed, &mut sampled);
+                let those = |is: &dyn Fn(usize) -> bool| -> Vec<u32> {
+                    (0..lattice.voxels().len()).filter(|place| is(lattice.voxels()[*place])).map(|place| place as u32).collect()
                 };
-                assert_eq!(places(&sampled.known), those(&|voxel| moved.known().contains(voxel)));
-                assert_eq!(places(&sampled.unknown), those(&|voxel| !moved.known().contains(voxel)));
-                assert_eq!(sampled.filled, those(&|voxel| moved.filled().contains(voxel)));
-                assert!(!sampled.filled.is_empty());
+                assert_eq!(sampled.known(), those(&|voxel| moved.known().contains(voxel)));
+                assert_eq!(sampled.unknown(), those(&|voxel| !moved.known().contains(voxel)));
+                assert_eq!(sampled.filled(), those(&|voxel| moved.filled().contains(voxel)));
+                assert!(!sampled.filled().is_empty());
             }
         }
     }

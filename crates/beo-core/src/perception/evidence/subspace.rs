@@ -77,7 +77,7 @@ impl ClassSubspace {
             .par_chunks(BLOCK * stride)
             .map(|rows| {
                 let mut gram = vec![0.0; packed_len(width)];
-                dispatch(AddGram { rows, count: rows.len() / stride, stride, width, out: &mut gram });
+                dispatch(AddGram::of_all(rows, rows.len() / stride, stride, width, &mut gram));
                 gram
             })
             .collect();
@@ -197,7 +197,7 @@ impl ClassSubspace {
     /// The class on some of the voxels only; none where nothing is derived over voxels.
     pub fn thinned(&self, voxels: &[usize]) -> Option<ThinnedClass> {
         match &self.rows {
-            ClassRows::Derived { rows, .. } => Some(ThinnedClass::new(&self.prior, rows.select(voxels))),
+            ClassRows::Derived { rows, .. } => Some(ThinnedClass::new(&self.prior, rows, voxels)),
             ClassRows::Shared { .. } => None,
         }
     }

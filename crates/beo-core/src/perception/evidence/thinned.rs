@@ -4,18 +4,22 @@
 //! its own stands for. As the evidence depends on these sums divided by the noise variance alone, that is a noise variance so many times
 //! smaller. Neighbouring voxels say nearly the same, so that one of nine tells poses apart nearly as well as all do.
 
-use super::conditional::{BLOCK, ClassGram, Conditional, add_gram};
-use super::lattice::{Lattice, Sampled, codes};
+use super::conditional::{ClassGram, Conditional};
+use super::lattice::{Codes, Lattice, Sampled};
 use super::subspace::ClassSubspace;
-use crate::grid::{Dims, Observation, Outside, Similarity};
+use crate::grid::{Dims, Similarity};
 use crate::linear::LinearError;
 use crate::perception::basis::rows::Rows;
-use crate::perception::kernels::row_gram::packed_len;
+use crate::perception::kernels::lanes::dispatch;
+use crate::perception::kernels::row_gram::AddGram;
 
 /// Voxels of the coarse lattice, about, whatever the size of the grid: where a search climbs …
 const COARSE_VOXELS: usize = 3000;
 /// … and of the fine one, which decides between the last steps.
 const FINE_VOXELS: usize = 9000;
+
+/// Rows whose products are summed in single precision, at most.
+const SUMMED: usize = 512;
 
 /// How many voxels evidence is computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,18 +46,9 @@ struct ThinnedClasses {
 pub struct ThinnedClass {
     prior: ClassGram,
     /// [W_s, μ_s, 1] of the lattice's voxels.
-    rows: Rows,
-}
-
-/// An observation, ready to be moved.
-#[derive(Default)]
-pub struct Codes(Vec<u8>);
-
-impl Codes {
-    /// Takes in an observation.
-    pub fn set(&mut self, observation: &Observation) {
-        codes(observation, &mut self.0);
-    }
+    rows: Vec<f32>,
+    /// Values from row to row.
+    stride: usize,
 }
 
 /// Scratch memory of one thread.
@@ -86,7 +81,6 @@ impl ThinnedModel {
         detail: Detail,
         seen: &Codes,
         placed: &Similarity,
-        outside: Outside,
         class: usize,
         noise: f64,
         scratch: &mut ThinnedScratch,
@@ -96,19 +90,19 @@ impl ThinnedModel {
             Detail::Fine => &self.fine,
         };
         let ThinnedScratch { sampled, conditional } = scratch;
-        lattice.sample(&seen.0, placed, outside, sampled);
-        let ThinnedClass { prior, rows } = &classes[class];
+        lattice.sample(seen, placed, sampled);
+        let class = &classes[class];
+        let prior = &class.prior;
         conditional.make_room(prior.size);
-        conditional.unknown.fill(0.0);
-        let Conditional { gathered, unknown, filled, .. } = conditional;
-        let count = |runs: &[(usize, usize)]| runs.iter().map(|(start, end)| end - start).sum::<usize>();
-        if count(&sampled.known) < count(&sampled.unknown) {
-            add_gram(rows, prior.size + 2, &sampled.known, gathered, unknown);
+        let Conditional { unknown, filled, .. } = conditional;
+        unknown.fill(0.0);
+        if sampled.known().len() < sampled.unknown().len() {
+            class.add_gram(sampled.known(), unknown);
             unknown.iter_mut().zip(&prior.gram).for_each(|(sum, all)| *sum = all - *sum);
         } else {
-            add_gram(rows, prior.size + 2, &sampled.unknown, gathered, unknown);
+            class.add_gram(sampled.unknown(), unknown);
         }
-        rows.add(&sampled.filled, filled);
+        class.sum(sampled.filled(), filled);
         prior.solve(noise / lattice.share(), conditional)?;
         Ok(placed.scale.powi(3) * conditional.log_evidence_ratio())
     }
@@ -116,19 +110,42 @@ impl ThinnedModel {
 
 impl ThinnedClass {
     /// A class with this prior and these rows.
-    pub fn new(prior: &ClassGram, rows: Rows) -> Self {
-        let width = prior.size + 2;
-        let (mut gram, mut gathered) = (vec![0.0; packed_len(width)], vec![0.0; BLOCK * rows.stride()]);
-        let blocks: Vec<(usize, usize)> = (0..rows.len()).step_by(256).map(|start| (start, (start + 256).min(rows.len()))).collect();
-        add_gram(&rows, width, &blocks, &mut gathered, &mut gram);
-        Self { prior: ClassGram { size: prior.size, scales: prior.scales.clone(), gram }, rows }
+    pub fn new(prior: &ClassGram, rows: &Rows, voxels: &[usize]) -> Self {
+        let stride = rows.stride();
+        let mut wide = vec![0.0; voxels.len() * stride];
+        for (voxel, wide) in voxels.iter().zip(wide.chunks_exact_mut(stride)) {
+            rows.widen(&[(*voxel, voxel + 1)], wide);
+        }
+        let prior = ClassGram { size: prior.size, scales: prior.scales.clone(), gram: vec![0.0; prior.gram.len()] };
+        let mut class = Self { prior, rows: wide, stride };
+        let (all, mut gram): (Vec<u32>, _) = ((0..voxels.len() as u32).collect(), std::mem::take(&mut class.prior.gram));
+        class.add_gram(&all, &mut gram);
+        class.prior.gram = gram;
+        class
+    }
+
+    /// Adds Σ rowᵀrow over some places to `out`, a packed lower triangle.
+    fn add_gram(&self, places: &[u32], out: &mut [f64]) {
+        for places in places.chunks(SUMMED) {
+            let starts = places.iter().map(|place| *place as usize * self.stride);
+            dispatch(AddGram { rows: &self.rows, starts, width: self.prior.size + 2, out });
+        }
+    }
+
+    /// Sums the rows of some places into `out`.
+    fn sum(&self, places: &[u32], out: &mut [f64]) {
+        out.fill(0.0);
+        for place in places {
+            let row = &self.rows[*place as usize * self.stride..][..self.stride];
+            out.iter_mut().zip(row).for_each(|(sum, v)| *sum += f64::from(*v));
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{View, yaw};
+    use crate::grid::{Outside, View, yaw};
     use crate::perception::evidence::placed::EvidenceScratch;
     use crate::perception::pose::small::{model, perceiver, unseen};
     use nalgebra::Vector3;
@@ -149,14 +166,14 @@ mod tests {
         let (mut worst, mut widest) = (0.0_f64, 0.0_f64);
         for (class, name) in model().class_names().enumerate() {
             let seen = View::Top.of(&unseen(name, 6));
-            seen_codes.set(&seen);
+            seen_codes.set(&seen, Outside::Unknown);
             let mut first = None;
             for (angle, scale, x) in [(0.0, 1.0, 0.0), (0.2, 1.0, 0.0), (0.0, 1.1, 0.5), (-0.3, 0.9, -0.7), (0.5, 1.05, 1.2)] {
                 let placed = Similarity { rotation: yaw(angle), scale, translation_voxels: Vector3::new(x, 0.3 * x, 0.0) };
                 let exact = evidence.of_placed(&seen, &placed, Outside::Unknown, class, &mut scratch).unwrap().log_ratio;
                 let [coarse, fine] = [Detail::Coarse, Detail::Fine].map(|detail| {
                     let noise = evidence.noise_variance;
-                    thinned.log_evidence(detail, &seen_codes, &placed, Outside::Unknown, class, noise, &mut sparse).unwrap()
+                    thinned.log_evidence(detail, &seen_codes, &placed, class, noise, &mut sparse).unwrap()
                 });
                 assert!((fine - exact).abs() < 1e-3 * exact.abs().max(1.0), "{fine} {exact}");
                 let (exact_first, coarse_first) = *first.get_or_insert((exact, coarse));

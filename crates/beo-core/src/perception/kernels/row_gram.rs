@@ -1,6 +1,7 @@
 //! Gram matrices of rows of a few dozen values: Σ rowᵀrow, lower triangle, packed row after row.
 
 use crate::perception::kernels::lanes::{Kernel, LANES, load, multiply_add};
+use std::iter::StepBy;
 use std::ops::Range;
 
 /// Rows of the triangle that are summed together.
@@ -23,31 +24,36 @@ pub fn span(width: usize) -> usize {
 }
 
 /// Adds Σ rowᵀrow to `out`; products are summed in single precision, so give it no more than a few hundred rows at a time.
-pub struct AddGram<'a> {
+pub struct AddGram<'a, P> {
     /// Rows of which the first `width` values count. After the last, as many more values as [`span`] is longer than a row.
     pub rows: &'a [f32],
-    /// Number of rows.
-    pub count: usize,
-    /// Values from row to row.
-    pub stride: usize,
+    /// Where the rows begin that are summed.
+    pub starts: P,
     /// Values of a row that count.
     pub width: usize,
     /// A packed lower triangle.
     pub out: &'a mut [f64],
 }
 
-impl Kernel for AddGram<'_> {
+impl<'a> AddGram<'a, StepBy<Range<usize>>> {
+    /// Of `count` rows one after the other, `stride` values from row to row.
+    pub fn of_all(rows: &'a [f32], count: usize, stride: usize, width: usize, out: &'a mut [f64]) -> Self {
+        Self { rows, starts: (0..count * stride).step_by(stride), width, out }
+    }
+}
+
+impl<P: Iterator<Item = usize> + Clone> Kernel for AddGram<'_, P> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Self { rows, count, stride, width, out } = self;
+        let Self { rows, starts, width, out } = self;
         let span = span(width);
         for first in (0..width).step_by(GROUP) {
             let group = first..(first + GROUP).min(width);
             for from in (0..group.end).step_by(LANES) {
                 let mut sums = [[0.0_f32; LANES]; GROUP];
-                for at in (0..count * stride).step_by(stride) {
+                for at in starts.clone() {
                     let row = &rows[at..at + span];
                     let b = load(&row[from..]);
                     let a: &[f32; GROUP] = row[first..].first_chunk().expect("spans are whole groups");
@@ -88,7 +94,7 @@ mod tests {
         for (width, stride) in [1, 3, 4, 15, 16, 17, 32, 41].into_iter().flat_map(|width| [(width, width), (width, span(width))]) {
             let rows: Vec<f32> = (0..56 * stride + span(width)).map(|i| ((i * 7919 % 1009) as f32 / 1009.0) - 0.4).collect();
             let (mut found, mut expected) = (vec![1.0; packed_len(width)], vec![1.0; packed_len(width)]);
-            dispatch(AddGram { rows: &rows, count: 57, stride, width, out: &mut found });
+            dispatch(AddGram::of_all(&rows, 57, stride, width, &mut found));
             let padded: Vec<f32> = rows.iter().copied().chain(std::iter::repeat_n(0.0, stride)).collect();
             add_outer(&mut expected, &padded, stride, width, 0..57);
             for (a, b) in found.iter().zip(&expected) {
