@@ -8,7 +8,7 @@ use beo_core::model::{Model, load};
 use beo_core::perception::{
     ClassSubspace, ColumnSums, Conditional, Gaussian, Known, Method, Perceiver, Percept, PoseSearch, Query, RotationPrior,
 };
-use beo_lab::benchmark::latency::six_objects;
+use beo_lab::benchmark::latency::objects_on_table;
 use beo_shapes::furniture;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use faer::Mat;
@@ -154,7 +154,7 @@ fn query(criterion: &mut Criterion) {
 
 /// A depth image of 640 × 480 pixels, in memory, to the grids of its six objects.
 fn camera(criterion: &mut Criterion) {
-    let scene = six_objects();
+    let scene = objects_on_table(6);
     let options = GridOptions::new([30; 3]);
     let mut voxels = vec![0; options.dims.iter().product()];
     let mut group = criterion.benchmark_group("camera");

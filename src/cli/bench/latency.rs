@@ -5,7 +5,7 @@ use crate::cli::failure::{Failure, cannot_write};
 use crate::cli::{progress, stop};
 use beo_core::grid::Occupancy;
 use beo_core::model::load;
-use beo_lab::benchmark::latency::{self, Grids, Load, Pose, ProducerPlan, ReaderPlan, Settings, Wake};
+use beo_lab::benchmark::latency::{self, CameraRate, Grids, Load, MOST_ON_TABLE, Pose, ProducerPlan, ReaderPlan, Settings, Wake};
 use beo_shapes::{ReadOptions, read_shape};
 use clap::{Args, ValueEnum};
 use std::io::stdin;
@@ -33,6 +33,12 @@ pub struct Latency {
     /// What the daemon is told of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
+    /// Of the load `camera`: objects on the table [default: 6]
+    #[arg(long, value_name = "N")]
+    objects: Option<u32>,
+    /// Of the load `camera`: depth images a second [default: 30]
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
     /// Processes that read
     #[arg(long, default_value_t = 1, value_name = "N")]
     subscribers: usize,
@@ -63,7 +69,7 @@ enum LoadArgument {
     Frames,
     /// Sixteen objects at once, four times a second
     Burst,
-    /// Depth images of six objects, ten times a second, carved by the producer
+    /// Depth images of --objects on a table, --rate times a second, carved by the producer
     Camera,
     /// All of these
     All,
@@ -98,6 +104,8 @@ enum PoseArgument {
     Known,
     /// Turned about the vertical axis
     Yaw,
+    /// In any way in which its class can rest, turned about the vertical axis: of what cameras see
+    Rest,
     /// Turned in any way
     Full,
     /// Turning about the vertical axis from frame to frame, each observation continuing the last
@@ -116,6 +124,7 @@ impl Latency {
         if !(1..=1000).contains(&self.repeat) {
             return Err(Failure::Usage(format!("--repeat {}: use 1 to 1000", self.repeat)));
         }
+        let camera = self.camera()?;
         if let Some(folder) = &self.png {
             std::fs::create_dir_all(folder).map_err(cannot_write(folder))?;
         }
@@ -138,6 +147,7 @@ impl Latency {
         let settings = Settings {
             model: self.model,
             pose,
+            camera,
             wake: self.wake.into(),
             subscribers: self.subscribers,
             seconds: self.seconds,
@@ -159,6 +169,25 @@ impl Latency {
     }
 }
 
+impl Latency {
+    /// What the load `camera` sees.
+    fn camera(&self) -> Result<CameraRate, Failure> {
+        let is_seen = self.load.iter().flat_map(|argument| argument.loads()).any(|load| *load == Load::Camera);
+        if !is_seen && (self.objects.is_some() || self.rate.is_some()) {
+            return Err(Failure::Usage("--objects and --rate are of the load `camera`: add it to --load".into()));
+        }
+        let usual = CameraRate::default();
+        let camera = CameraRate { objects: self.objects.unwrap_or(usual.objects), rate_hz: self.rate.unwrap_or(usual.rate_hz) };
+        if !(1..=MOST_ON_TABLE).contains(&camera.objects) {
+            return Err(Failure::Usage(format!("--objects {}: use 1 to {MOST_ON_TABLE}", camera.objects)));
+        }
+        if !(0.1..=1000.0).contains(&camera.rate_hz) {
+            return Err(Failure::Usage(format!("--rate {}: use 0.1 to 1000 images a second", camera.rate_hz)));
+        }
+        Ok(camera)
+    }
+}
+
 impl From<WakeArgument> for Wake {
     fn from(argument: WakeArgument) -> Self {
         match argument {
@@ -173,6 +202,7 @@ impl From<PoseArgument> for Pose {
         match argument {
             PoseArgument::Known => Self::Known,
             PoseArgument::Yaw => Self::Yaw,
+            PoseArgument::Rest => Self::Rest,
             PoseArgument::Full => Self::Full,
             PoseArgument::Track => Self::Track,
         }

@@ -23,6 +23,8 @@ const WITHOUT_SIZE: f64 = 0.15;
 /// How the trees grow.
 const TREES: usize = 80;
 const LEAST_LEAF: usize = 8;
+/// What the forest may take of a model's file, about: the more classes, the larger its leaves.
+const MOST_BYTES: usize = 4_000_000;
 /// Highest camera, radians.
 const HIGHEST: f64 = 1.5;
 /// Attempts at a view in which enough is seen.
@@ -102,7 +104,7 @@ impl Measured {
     /// A forest of them.
     pub fn forest(&self, classes: usize, seed: u64) -> Forest {
         let samples = Samples { inputs: &self.inputs, width: MEASURES, outcomes: &self.outcomes, count: classes + 1 };
-        grow(&samples, &Growth { trees: TREES, least_leaf: LEAST_LEAF, seed })
+        grow(&samples, &Growth { trees: TREES, least_leaf: least_leaf(self.outcomes.len(), classes), seed })
     }
 
     /// How a forest's share of none becomes a probability on these views, which it must not have seen: logistic regression.
@@ -120,6 +122,14 @@ impl Measured {
         let prior = -(classes as f64).ln();
         Ok(NoneCalibration { constant: fitted.offsets[1] - fitted.offsets[0] + prior, weight: fitted.weights[0] })
     }
+}
+
+/// Fewest views of a leaf, of so many views and classes.
+fn least_leaf(views: usize, classes: usize) -> usize {
+    // A share of each class and of none in 16 bits, and the two nodes of about nine bytes that a leaf stands for.
+    let bytes = 2 * (classes + 1) + 18;
+    // Leaves turn out larger than they must be, by a third.
+    (TREES * views * 3 * bytes / 4 / MOST_BYTES).max(LEAST_LEAF)
 }
 
 /// What a view measures.

@@ -46,6 +46,9 @@ const FOCALS: [f64; 2] = [420.0, 620.0];
 /// Readings lower than this above the table are not told from the table's, metres.
 const CUT_M: [f64; 2] = [0.003, 0.014];
 
+/// Angles between normal and ray from which on a shiny surface gives no readings, degrees.
+const SHINY_GRAZING_DEG: [f64; 2] = [35.0, 70.0];
+
 /// Of so many vessels the floor is known for the vessel's.
 const FLOORS_KEPT: f64 = 0.7;
 
@@ -92,7 +95,13 @@ impl Sensing {
         conditions.window = if kind == SensorKind::TimeOfFlight { 0 } else { between([0.0, 3.5]) as u32 };
         conditions.grazing_rad = grazing.map(f64::to_radians);
         conditions.lid = if glossy { between([0.2, 1.0]) } else { 0.0 };
-        conditions.gloss = if shiny { between([0.1, 0.5]) } else { 0.0 };
+        if shiny {
+            conditions.gloss = between([0.1, 0.5]);
+            // Light that is mirrored comes back from what faces the sensor alone: of a cylinder a strip is left.
+            let some = between(SHINY_GRAZING_DEG);
+            let shiny = [some, some + 15.0].map(f64::to_radians);
+            conditions.grazing_rad = std::array::from_fn(|n| shiny[n].min(conditions.grazing_rad[n]));
+        }
         conditions.inside = if inside { between([0.2, 1.0]) } else { 0.0 };
         conditions.smear = between([0.0, 0.6]);
         conditions.mask_shift = [between([-1.0, 1.0]), between([-1.0, 1.0])].map(|v: f64| 2.5 * v.powi(3));

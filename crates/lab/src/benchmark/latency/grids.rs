@@ -82,7 +82,7 @@ impl Grids {
 fn turns(pose: Pose) -> usize {
     match pose {
         Pose::Known => 1,
-        Pose::Yaw | Pose::Full => TURNS,
+        Pose::Yaw | Pose::Rest | Pose::Full => TURNS,
         Pose::Track => TRACKED,
     }
 }
@@ -90,7 +90,7 @@ fn turns(pose: Pose) -> usize {
 fn rotation(pose: Pose, turn: usize, place: usize) -> Rotation {
     match pose {
         Pose::Known => Rotation::identity(),
-        Pose::Yaw => draw_rotation(PoseSearch::YAW, 1, place),
+        Pose::Yaw | Pose::Rest => draw_rotation(PoseSearch::YAW, 1, place),
         Pose::Full => draw_rotation(PoseSearch::Full, 1, place),
         Pose::Track => yaw(turn as f64 / TRACKED as f64 * std::f64::consts::TAU),
     }

@@ -22,9 +22,24 @@ pub enum Load {
     /// Sixteen objects at once, four times a second.
     #[serde(rename = "burst")]
     Bursts,
-    /// Depth images of six objects, ten times a second, carved into as many grids by the producer.
+    /// Depth images, carved into as many grids as they show objects by the producer: see [`CameraRate`].
     #[serde(rename = "camera")]
     Camera,
+}
+
+/// What the camera of [`Load::Camera`] sees, and how often.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraRate {
+    /// Objects on the table, 1 to [`super::MOST_ON_TABLE`].
+    pub objects: u32,
+    /// Images a second.
+    pub rate_hz: f64,
+}
+
+impl Default for CameraRate {
+    fn default() -> Self {
+        Self { objects: 6, rate_hz: 30.0 }
+    }
 }
 
 impl Load {
@@ -43,31 +58,31 @@ impl Load {
     }
 
     /// Objects that are observed, each in every frame.
-    pub fn objects(self) -> u64 {
+    pub fn objects(self, camera: CameraRate) -> u64 {
         match self {
             Self::FlatOut | Self::Steady => 1,
             Self::Frames => 8,
             Self::Bursts => 16,
-            Self::Camera => 6,
+            Self::Camera => camera.objects.into(),
         }
     }
 
     /// Time from frame to frame; `None` if the answers set the pace.
-    pub fn interval(self) -> Option<Duration> {
+    pub fn interval(self, camera: CameraRate) -> Option<Duration> {
         match self {
             Self::FlatOut => None,
             Self::Steady | Self::Frames => Some(Duration::from_nanos(1_000_000_000 / 30)),
             Self::Bursts => Some(Duration::from_millis(250)),
-            Self::Camera => Some(Duration::from_millis(100)),
+            Self::Camera => Some(Duration::from_secs_f64(1.0 / camera.rate_hz)),
         }
     }
 
     /// From when its latencies count, in words.
     pub fn measured_from(self) -> &'static str {
-        match self.interval() {
-            Some(_) if self == Self::Camera => "when the frame was due, as images in memory (corrected for coordinated omission)",
-            Some(_) => "when the observation was due (corrected for coordinated omission)",
-            None => "when the producer began to write (one client in a loop: nothing is due, so there is nothing to correct)",
+        match self {
+            Self::Camera => "when the frame was due, as images in memory (corrected for coordinated omission)",
+            Self::Steady | Self::Frames | Self::Bursts => "when the observation was due (corrected for coordinated omission)",
+            Self::FlatOut => "when the producer began to write (one client in a loop: nothing is due, so there is nothing to correct)",
         }
     }
 }

@@ -33,13 +33,13 @@ mod summary;
 pub use error::LatencyError;
 pub use figures::save;
 pub use grids::Grids;
-pub use load::Load;
+pub use load::{CameraRate, Load};
 pub use processes::measure;
 pub use producer::{ProducerPlan, produce};
 pub use reader::{ReaderPlan, read};
 pub use record::Record;
 pub use report::text;
-pub use scene::{Scene, six_objects};
+pub use scene::{MOST_ON_TABLE, Scene, objects_on_table};
 pub use summary::{LoadReport, Report};
 
 pub use super::wake::Wake;
@@ -56,6 +56,8 @@ pub enum Pose {
     Known,
     /// Turned about the vertical axis.
     Yaw,
+    /// In any way in which its class can rest, turned about the vertical axis: of what cameras see.
+    Rest,
     /// Turned in any way.
     Full,
     /// Turning about the vertical axis by three degrees from frame to frame; each observation continues the last.
@@ -68,6 +70,7 @@ impl Pose {
         match self {
             Self::Known => PoseSearch::Known,
             Self::Yaw | Self::Track => PoseSearch::Yaw,
+            Self::Rest => PoseSearch::Rest,
             Self::Full => PoseSearch::Full,
         }
     }
@@ -80,6 +83,8 @@ pub struct Settings {
     pub model: PathBuf,
     /// What the daemon is told of the pose.
     pub pose: Pose,
+    /// What the load `camera` sees, and how often.
+    pub camera: CameraRate,
     /// How daemon and readers wake up.
     pub wake: Wake,
     /// Processes that read.

@@ -82,6 +82,7 @@ fn run(settings: &Settings, load: Load, model: &Model, grids: &Grids, cores: &Co
         &ProducerPlan {
             instance,
             load,
+            camera: settings.camera,
             pose: settings.pose,
             wake: settings.wake,
             warm_up_s: WARM_UP_S,

@@ -3,7 +3,7 @@
 use super::Scene;
 use super::load::{Clock, Load, Monotonic, drive};
 use super::record::to_stamp;
-use super::{Grids, LatencyError, Pose, Wake, six_objects};
+use super::{CameraRate, Grids, LatencyError, Pose, Wake, objects_on_table};
 use beo_camera::{GridOptions, carve, lay_grids};
 use beo_core::grid::Dims;
 use beo_ipc::clock::monotonic_ns;
@@ -26,6 +26,8 @@ pub struct ProducerPlan {
     pub instance: String,
     /// In what rhythm.
     pub load: Load,
+    /// What [`Load::Camera`] sees, and how often.
+    pub camera: CameraRate,
     /// What is said of the pose.
     pub pose: Pose,
     /// How answers are waited for where they set the pace.
@@ -81,23 +83,23 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
     };
     let [x, y, z] = plan.dims.map(|side| side as usize);
     let options = GridOptions::new(Dims::new(x, y, z)?.into());
-    let scene = (plan.load == Load::Camera).then(|| (six_objects(), options));
+    let scene = (plan.load == Load::Camera).then(|| (objects_on_table(plan.camera.objects), options));
     let mut in_warm_up = 0;
     let going = || !stop.load(Ordering::Relaxed);
     let start_ns = monotonic_ns();
     let counted_from_ns = start_ns + (plan.warm_up_s * 1e9) as u64;
-    if let Some(interval) = plan.load.interval() {
+    if let Some(interval) = plan.load.interval(plan.camera) {
         let frames = |seconds: f64| (seconds / interval.as_secs_f64()).round() as u64;
         let unmeasured = frames(plan.warm_up_s);
         drive(&mut Monotonic, start_ns, interval, unmeasured + frames(plan.seconds).max(1), |_, frame, due_ns| {
             let counted = frame >= unmeasured;
             match &scene {
                 Some((captured, options)) => {
-                    let sent = see(&producer, captured, options, due_ns, counted)?;
+                    let sent = see(&producer, captured, options, plan.pose, due_ns, counted)?;
                     in_warm_up += if counted { 0 } else { sent };
                 }
                 None => {
-                    for object in 0..plan.load.objects() {
+                    for object in 0..plan.load.objects(plan.camera) {
                         send(object, frame, due_ns, counted)?;
                     }
                 }
@@ -121,7 +123,7 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
 }
 
 /// Sends the objects of a frame, each carved into its place in shared memory; how many.
-fn see(producer: &Producer, captured: &Scene, options: &GridOptions, due_ns: u64, counted: bool) -> Result<u64, LatencyError> {
+fn see(producer: &Producer, captured: &Scene, options: &GridOptions, pose: Pose, due_ns: u64, counted: bool) -> Result<u64, LatencyError> {
     let laid = lay_grids(captured.frame(), options);
     let laid_ns = monotonic_ns();
     let mut sent = 0;
@@ -135,6 +137,8 @@ fn see(producer: &Producer, captured: &Scene, options: &GridOptions, due_ns: u64
             tasks: template.tasks,
             capture_ns: due_ns,
             sensor_stamp_ns: to_stamp(laid_ns, counted),
+            continues: u32::from(pose == Pose::Track),
+            continued_object_id: carver.object.into(),
             ..ObservationHeader::of_grid(&CarvedGrid {
                 object_id: carver.object.into(),
                 known_side_m: options.placement.known_side_m.unwrap_or(0.0),

@@ -4,13 +4,14 @@ use super::{LoadReport, Report};
 use crate::benchmark::percentiles::NAMED;
 use std::fmt::Write;
 
-/// Machine, latencies by load, stages by load, counts, and what to doubt.
+/// Machine, counts, latencies by load, stages by load, and what to doubt.
 pub fn text(report: &Report) -> String {
     let mut out = String::new();
     describe(report, &mut out);
+    // What was not answered first: percentiles of the others say little where it is much.
+    counts(report, &mut out);
     latencies(report, &mut out);
     stages(report, &mut out);
-    counts(report, &mut out);
     out.push_str(&report.circumstances.warning_lines());
     out
 }
@@ -49,7 +50,7 @@ fn latencies(report: &Report, out: &mut String) {
     NAMED.iter().for_each(|(name, _)| heading.push_str(&format!("{name:>10}")));
     line(out, format_args!("{heading}{:>10}", "max"));
     for load in &report.loads {
-        let grids = load.frame_to_grids_us.as_ref().map(|percentiles| (" frame to 6 grids", percentiles));
+        let grids = load.frame_to_grids_us.as_ref().map(|percentiles| (" frame to grids", percentiles));
         for (what, percentiles) in [("", &load.latency_us), (" from the write", &load.from_write_us)].into_iter().chain(grids) {
             let values: String = percentiles.values().iter().map(|us| format!("{:>10.3}", us / 1e3)).collect();
             line(out, format_args!("{:<26}{:>8}{values}", format!("{}{what}", load.load), percentiles.count));
@@ -110,4 +111,5 @@ fn counts(report: &Report, out: &mut String) {
             ),
         );
     }
+    line(out, format_args!(""));
 }
