@@ -1,10 +1,11 @@
-//! A query in known pose, or turned about z and seen as the model's densities expect, allocates nothing once its memory is warm: counted
-//! by an allocator that counts.
+//! A query in known pose, turned about z and seen as the model's densities expect, or of what a camera sees, allocates nothing once its memory
+//! is warm: counted by an allocator that counts.
 //!
 //! It runs on one thread, as it does in the daemon, so that whatever it allocates is counted.
 
-use beo_core::grid::{Observation, View, yaw};
-use beo_core::perception::{Method, Perceiver, Percept, PoseSearch, Query, RotationPrior};
+use beo_core::grid::{Observation, Outside, View, yaw};
+use beo_core::perception::{Method, Perceiver, Percept, PoseSearch, Query, RotationPrior, ScaleSearch};
+use beo_core::simulation::{self, Eye};
 use beo_shapes::furniture;
 use std::path::Path;
 use std::sync::Arc;
@@ -38,6 +39,41 @@ fn count(perceiver: &Perceiver, observations: &[Observation], query: &Query) {
     for (number, observation) in observations.iter().enumerate() {
         let counted = allocation_counter::measure(|| answer(observation));
         assert_eq!((counted.count_total, counted.bytes_total), (0, 0), "{query:?}, observation {number}");
+    }
+}
+
+/// What cameras see of furniture, and where they were.
+fn seen_by_cameras(perceiver: &Perceiver) -> Vec<(Observation, Query)> {
+    let dims = perceiver.model().dims();
+    let seen = furniture::CLASSES.iter().cycle().take(12).zip(0..).map(|(class, seed)| {
+        let object = furniture::make(class, dims, seed).unwrap();
+        let eye = Eye { azimuth: 0.7 * seed as f64, elevation: 0.6, distance: 70.0 };
+        let outside = Outside::Unknown;
+        let query = Query { camera: Some(eye.position()), pose: PoseSearch::YAW, outside, completion: true, ..Query::default() };
+        (simulation::observe(&object, &eye), query)
+    });
+    seen.collect()
+}
+
+#[test]
+fn a_query_of_what_a_camera_sees_allocates_nothing_once_warm() {
+    let perceiver = perceiver();
+    let seen = seen_by_cameras(&perceiver);
+    for scale in [ScaleSearch::Known, ScaleSearch::Search { side: None }] {
+        let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+        let mut answer = |(observation, query): &(Observation, Query)| {
+            let query = Query { scale, ..query.clone() };
+            let counted = allocation_counter::measure(|| {
+                perceiver.classify(observation, &query, &mut work, &mut percept).unwrap().complete().unwrap();
+            });
+            (counted.count_total, counted.bytes_total)
+        };
+        for seen in &seen {
+            answer(seen);
+        }
+        for (number, seen) in seen.iter().enumerate() {
+            assert_eq!(answer(seen), (0, 0), "{scale:?}, observation {number}");
+        }
     }
 }
 

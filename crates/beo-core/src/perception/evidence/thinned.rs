@@ -63,6 +63,13 @@ impl Default for ThinnedScratch {
     }
 }
 
+impl ThinnedScratch {
+    /// The posterior of the class that was scored last.
+    pub fn conditional(&self) -> &Conditional {
+        &self.conditional
+    }
+}
+
 impl ThinnedModel {
     /// The classes on lattices of a grid; none where nothing is derived over its voxels.
     pub fn new(dims: Dims, classes: &[ClassSubspace]) -> Option<Self> {

@@ -12,6 +12,7 @@ use super::refine::{RefineScratch, Refined, Refiner};
 use crate::grid::{Dims, HeightMap, Observation, Rotation, Similarity};
 use crate::perception::basis::known::Known;
 use crate::perception::densities::log_sum::{log_sum_exp, softmax};
+use crate::perception::evidence::lattice::Codes;
 use crate::perception::evidence::placed::{Evidence, EvidenceScratch};
 use crate::perception::pool::Pool;
 use crate::perception::prepared::{Here, Prepared};
@@ -135,6 +136,7 @@ pub struct FullScratch {
     map: HeightMap,
     screen: Screen,
     hints: Vec<Rotation>,
+    codes: Codes,
     /// Rotations of the grid with their shares, and the scores of all classes at each.
     grid: Vec<(Rotation, f64)>,
     grid_scores: Vec<f64>,
@@ -156,6 +158,7 @@ impl FullScratch {
             map: HeightMap::new(dims),
             screen: Screen::default(),
             hints: Vec::new(),
+            codes: Codes::default(),
             grid: Vec::new(),
             grid_scores: Vec::new(),
             peaks: Vec::new(),
@@ -187,6 +190,7 @@ impl FullSearch<'_> {
         out: &mut Scored,
     ) -> Result<(), PerceiveError> {
         let log_density = self.query.rotation_prior.log_density(self.query.pose);
+        scratch.codes.set(seen, self.query.outside);
         let mut hints = std::mem::take(&mut scratch.hints);
         hints.clear();
         hints.extend(self.query.rotation_prior.centres().copied());
@@ -218,9 +222,10 @@ impl FullSearch<'_> {
         seen: &'b Observation,
         known: &'b Known,
         prior: &'b (dyn Fn(&Rotation) -> f64 + Sync),
+        codes: &'b Codes,
         pool: &'b Pool<RefineScratch>,
     ) -> Refiner<'b> {
-        Refiner { evidence: &self.prepared.evidence, seen, known, outside: self.query.outside, prior, pool }
+        Refiner { evidence: &self.prepared.evidence, seen, known, codes, outside: self.query.outside, prior, pool }
     }
 
     /// By the densities of views from above, and the evidence.
@@ -237,7 +242,7 @@ impl FullSearch<'_> {
         let by_evidence = self.query.method == Method::Auto;
         let temperature = if by_evidence { FULL.temperature } else { FULL.hull_temperature };
         let weight = FULL.evidence_weight * self.prepared.model.metadata.calibration.noise_inflation;
-        let FullScratch { refine, view, map, screen, peaks, totals, refined_modes, tasks, .. } = scratch;
+        let FullScratch { refine, codes, view, map, screen, peaks, totals, refined_modes, tasks, .. } = scratch;
         map.read(seen);
         self.here.views.screen(map, prior.wanted, view, screen);
         peaks.resize_with(m, || Peaks::new(seen.dims()));
@@ -259,7 +264,7 @@ impl FullSearch<'_> {
         }
         if by_evidence {
             let scaled = |rotation: &Rotation| (prior.log_density)(rotation) * temperature / weight;
-            let refiner = self.refiner(seen, known, &scaled, refine);
+            let refiner = self.refiner(seen, known, &scaled, codes, refine);
             refine_all(&refiner, prior, peaks, &refined_modes.counts, &FULL.fine_rad, tasks)?;
         }
         // Where no evidence was computed it says as little as where it was least.
@@ -326,7 +331,7 @@ impl FullSearch<'_> {
         let m = self.prepared.classes();
         let raw = |evidence: &Evidence| if by_distance { -evidence.squared_distance } else { evidence.log_ratio };
         let usual = 1.0 / count_for(FULL.coarse_rad) as f64;
-        let FullScratch { refine, evidence: pool, grid, grid_scores, peaks, totals, refined_modes, tasks, .. } = scratch;
+        let FullScratch { refine, codes, evidence: pool, grid, grid_scores, peaks, totals, refined_modes, tasks, .. } = scratch;
         grid.clear();
         grid.extend(prior.hints.iter().map(|hint| (*hint, prior.share(hint, usual))));
         grid.extend(rotations(count_for(FULL.coarse_rad)).map(|rotation| (rotation, usual)));
@@ -367,7 +372,7 @@ impl FullSearch<'_> {
             found.find(candidates, f64::MIN_POSITIVE, refined_modes.counts[class]);
         }
         let scaled = |rotation: &Rotation| (prior.log_density)(rotation) / weight;
-        let refiner = self.refiner(seen, known, &scaled, refine);
+        let refiner = self.refiner(seen, known, &scaled, codes, refine);
         refine_all(&refiner, prior, peaks, &refined_modes.counts, &FULL.fine_from_coarse_rad, tasks)?;
 
         out.scores.resize(m, f64::NEG_INFINITY);
