@@ -1,5 +1,5 @@
-//! Observations that wait for an answer: the newest of each (producer, object) stream. Producers take turns, each with the stream that
-//! began to wait first, so that a flood of one, in however many streams, cannot starve another. Whose turn it is goes by where an observation
+//! Observations that wait for an answer: the newest of each (producer, object) stream. Producers take turns, each with the observation whose
+//! deadline comes first, else the stream that began to wait first, so that a flood of one, in however many streams, cannot starve another. Whose turn it is goes by where an observation
 //! comes from, as the connection says, and not by what its header says: under however many names, a producer has one turn.
 
 use beo_core::grid::{Dims, Observation, ObservationError};
@@ -101,13 +101,21 @@ impl Streams {
         self.waiting.remove(place)
     }
 
+    /// Of what a producer has waiting: what must be answered soonest, then what has no deadline and has waited longest.
+    fn most_urgent_of(&mut self, origin: u128) -> Option<Waiting> {
+        let deadline = |waiting: &Waiting| if waiting.header.deadline_ns == 0 { u64::MAX } else { waiting.header.deadline_ns };
+        let of_it = self.waiting.iter().enumerate().filter(|(_, waiting)| waiting.origin == origin);
+        let (place, _) = of_it.min_by_key(|(place, waiting)| (deadline(waiting), *place))?;
+        self.waiting.remove(place)
+    }
+
     /// The next observation to answer. Give its grid back with [`Self::recycle`].
     pub fn pop(&mut self) -> Option<Waiting> {
         let Share { origin, streams } = self.producers.pop_front()?;
         if streams > 1 {
             self.producers.push_back(Share { origin, streams: streams - 1 });
         }
-        self.oldest_of(origin)
+        self.most_urgent_of(origin)
     }
 
     /// Takes a grid back for reuse.
@@ -155,6 +163,19 @@ mod tests {
         let order: Vec<u128> = std::iter::from_fn(|| streams.pop()).map(|waiting| waiting.origin).collect();
         assert_eq!((order.len(), &order[..5]), (MOST_STREAMS, &[1, 2, 3, 1, 1][..]));
         assert!(streams.producers.is_empty());
+    }
+
+    #[test]
+    fn of_a_producer_what_has_a_deadline_goes_first_and_other_producers_keep_their_turns() {
+        let mut streams = Streams::new(Dims::cube(8).unwrap());
+        let mut push = |origin: u64, object, deadline_ns| {
+            let header = ObservationHeader { deadline_ns, ..header(origin, object, 1) };
+            streams.push(origin.into(), &header, &[0; 512], 0, || true).unwrap().unwrap();
+        };
+        [(1, 1, 0), (1, 2, 900), (2, 1, 0), (1, 3, 500), (1, 4, 0)].into_iter().for_each(|(origin, object, due)| push(origin, object, due));
+        let order: Vec<(u64, u64)> =
+            std::iter::from_fn(|| streams.pop()).map(|waiting| (waiting.header.producer_id, waiting.header.object_id)).collect();
+        assert_eq!(order, [(1, 3), (2, 1), (1, 2), (1, 1), (1, 4)]);
     }
 
     #[test]

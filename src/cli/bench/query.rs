@@ -73,16 +73,17 @@ impl Query {
         let perceiver = Perceiver::new(model.clone())?;
         let limits = Limits::measure(watch.machine());
         let evictor = Evictor::new(watch.machine());
-        let asked = Search::ALL.iter().map(|search| questions(&perceiver, &objects, *search)).collect::<Result<Vec<_>, _>>()?;
+        let searches = Search::of(&model);
+        let asked = searches.iter().map(|search| questions(&perceiver, &objects, *search)).collect::<Result<Vec<_>, _>>()?;
         let own = asked.iter().map(|asked| own_answers(&perceiver, asked)).collect::<Result<Vec<_>, _>>()?;
 
         let mut kinds: Vec<Kind> = Vec::new();
-        for search in Search::ALL {
+        for search in searches.iter().copied() {
             for task in [Task::Class, Task::Completion] {
                 kinds.extend(Condition::ALL.map(|condition| Kind { search, task, condition, repeats: Vec::new() }));
             }
         }
-        let of = |search: Search| Search::ALL.iter().position(|s| *s == search).unwrap_or(0);
+        let of = |search: Search| searches.iter().position(|s| *s == search).unwrap_or(0);
         let known = (&asked[of(Search::Known)], &own[of(Search::Known)]);
         let mut others = Others::new(&self, known.0)?;
         let mut work = perceiver.workspace();
@@ -201,7 +202,7 @@ impl Others {
         if self.alone {
             return Ok(());
         }
-        for (search, asked) in Search::ALL.into_iter().zip(asked) {
+        for (search, asked) in Search::of(perceiver.model()).into_iter().zip(asked) {
             if let Some(times) = time_icp(perceiver, asked, search) {
                 match self.icp.iter_mut().find(|(s, _)| *s == search) {
                     Some((_, repeats)) => repeats.push(times),

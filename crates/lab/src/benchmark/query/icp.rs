@@ -19,7 +19,7 @@ pub fn time_icp(perceiver: &Perceiver, questions: &[Question], search: Search) -
     let (freedom, starts) = match search {
         Search::Yaw => (Freedom::Yaw, yaw_starts(STARTS, std::f64::consts::TAU)),
         Search::Full => (Freedom::Full, cube_rotations()),
-        Search::Known | Search::Tracking => return None,
+        Search::Known | Search::Tracking | Search::Camera | Search::CameraTracking => return None,
     };
     let mut times_ns = Vec::new();
     for (question, class) in questions.iter().filter_map(|question| Some((question, question.class?))).take(ENOUGH) {
