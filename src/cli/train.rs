@@ -40,7 +40,7 @@ pub struct Train {
     /// With --views camera, elevations of the cameras to be met, degrees above the horizontal
     #[arg(long, value_delimiter = ',', default_values_t = [15.0, 30.0, 45.0, 60.0, 75.0], value_name = "DEGREES")]
     elevations: Vec<f64>,
-    /// With --views camera, the unit of length of the files, from which true sizes are learned [default: none; they are not]
+    /// With --views camera, the unit of length of the files, from which true sizes are learned [default: what DIR/units.txt says, or none]
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<UnitsArgument>,
     /// With --views camera, the depth sensors to be met, with what they and masks get wrong [default: mild]
@@ -283,11 +283,12 @@ impl Train {
         // Found out now, not after the work.
         check_place(&self.out, 0)?;
         let splits = if self.split.is_empty() { shapes::existing_splits(&self.dir, &["train", "validation"])? } else { self.split };
+        let with_cameras = !camera_elevations_deg.is_empty();
         let units = match self.units {
             Some(units) => units.units(&self.dir)?,
+            None if with_cameras => Units::of_folder(&self.dir).map_err(|error| Failure::Failed(error.to_string()))?,
             None => Units::None,
         };
-        let with_cameras = !camera_elevations_deg.is_empty();
         let given = [("--units", self.units.is_some()), ("--sensors", self.sensors.is_some()), ("--resting", self.resting.is_some())];
         for (flag, is_given) in given {
             if is_given && !with_cameras {
