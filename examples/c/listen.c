@@ -62,6 +62,7 @@ int main(int argc, char **argv) {
     fprintf(stderr, "listening\n");
 
     unsigned long heard = 0;
+    uint64_t told = 0;
     beo_status status = BEO_STATUS_OK;
     while (heard < count && status >= 0) {
         /* A timeout, or a daemon that is away, is no reason to end: waiting also connects to the next daemon. */
@@ -74,6 +75,12 @@ int main(int argc, char **argv) {
             print(&percept, subscriber);
             fflush(stdout);
             heard++;
+        }
+        /* More came than are kept for a reader. */
+        uint64_t missed = 0;
+        if (beo_subscriber_missed(subscriber, &missed) == BEO_STATUS_OK && missed > told) {
+            fprintf(stderr, "missed %llu percepts\n", (unsigned long long)(missed - told));
+            told = missed;
         }
     }
     if (status < 0) {

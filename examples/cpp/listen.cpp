@@ -7,6 +7,7 @@
 #include <beo.hpp>
 
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
@@ -70,12 +71,16 @@ int main(int argc, char **argv) {
     }
     std::fprintf(stderr, "listening\n");
 
+    std::uint64_t told = 0;
     for (unsigned long heard = 0; heard < count;) {
         // A timeout, or a daemon that is away, is no reason to end: waiting also connects to the next daemon.
         const auto waited = subscriber->wait(std::chrono::milliseconds(500));
         if (!waited && !waited.is_retryable()) {
             std::fprintf(stderr, "listen: %s\n", waited.error().c_str());
             return 1;
+        }
+        if (waited.status() == BEO_STATUS_NOT_RUNNING) {
+            std::fprintf(stderr, "waiting for the daemon\n");
         }
         while (heard < count) {
             const auto percept = subscriber->take_percept();
@@ -85,6 +90,11 @@ int main(int argc, char **argv) {
             print(*percept, *subscriber);
             std::fflush(stdout);
             heard++;
+        }
+        // More came than are kept for a reader.
+        if (subscriber->missed() > told) {
+            std::fprintf(stderr, "missed %llu percepts\n", static_cast<unsigned long long>(subscriber->missed() - told));
+            told = subscriber->missed();
         }
     }
     return 0;

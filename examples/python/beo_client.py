@@ -133,7 +133,7 @@ class Subscriber(_Peer):
 
     def __init__(self, instance="default", completion=False):
         super().__init__(instance)
-        percepts = self._service("percept", messages.Percept)
+        percepts = self._percept_service = self._service("percept", messages.Percept)
         self._require_daemon(percepts)
         self.listener = self._event("perceived").listener_builder().create()
         self.percepts = percepts.subscriber_builder().create()
@@ -193,6 +193,10 @@ class Subscriber(_Peer):
         while (status := self.status()) is None:
             self.wait(0.05)
         return text(status.class_names[percept.class_index]) if status.model_id == percept.model_id else "?"
+
+    def daemon_runs(self):
+        """Whether a daemon is there. One that was killed counts until someone has cleaned up after it: see `maintain`."""
+        return self._percept_service.dynamic_config.number_of_publishers > 0
 
     def maintain(self):
         """Cleans up after a daemon that was killed; to be called when nothing has come for some seconds."""

@@ -28,13 +28,19 @@ def describe(percept, subscriber):
 def main(instance="default", count="inf"):
     subscriber = beo.within(10, lambda: beo.Subscriber(instance))
     print("listening", file=sys.stderr, flush=True)
-    heard = 0
+    heard = told = 0
     while heard < float(count):
         if not subscriber.wait(0.5):
             subscriber.maintain()
+            if not subscriber.daemon_runs():
+                print("waiting for the daemon", file=sys.stderr, flush=True)
         while heard < float(count) and (percept := subscriber.take_percept()) is not None:
             print(describe(percept, subscriber), flush=True)
             heard += 1
+        # More came than are kept for a reader.
+        if subscriber.missed > told:
+            print(f"missed {subscriber.missed - told} percepts", file=sys.stderr, flush=True)
+            told = subscriber.missed
 
 
 if __name__ == "__main__":

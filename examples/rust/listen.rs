@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let mut subscriber = ReconnectingSubscriber::open_within(&instance, &SubscriberOptions::default(), Duration::from_secs(10))?;
     eprintln!("listening");
-    let mut heard = 0;
+    let (mut heard, mut told) = (0, 0);
     while heard < count {
         // A timeout, or a daemon that is away, is no reason to end: waiting also connects to the next daemon.
         if subscriber.wait(Some(Duration::from_millis(500)))? == Waited::NotRunning {
@@ -71,6 +71,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         {
             print(&percept, &mut subscriber)?;
             heard += 1;
+        }
+        // More came than are kept for a reader.
+        let missed = subscriber.missed();
+        if missed > told {
+            eprintln!("missed {} percepts", missed - told);
+            told = missed;
         }
     }
     Ok(())

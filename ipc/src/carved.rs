@@ -93,6 +93,7 @@ impl From<&beo_camera::Grid> for CarvedGrid {
 
 /// Why there is no header for a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CarvedGridError {
     /// A side is outside the limits.
     #[error("dims are {0:?}; each axis must have {MIN_DIM} to {MAX_DIM} voxels")]

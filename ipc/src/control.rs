@@ -36,6 +36,25 @@ pub struct ReloadRequest {
 }
 layout!(ReloadRequest: 4100, reserved from 4100 { abi_version @ 0, model @ 4 });
 
+impl ReloadRequest {
+    /// The model file that is asked for; `None` for the one that is served, read anew.
+    ///
+    /// # Errors
+    /// A text that says what is wrong with the call: it comes from another process.
+    pub fn path(&self) -> Result<Option<PathBuf>, String> {
+        if self.abi_version != ABI_VERSION {
+            return Err(format!("the call has version {}, this daemon knows {ABI_VERSION}", self.abi_version));
+        }
+        let end = self.model.iter().position(|byte| *byte == 0).ok_or("the path of the model has no end")?;
+        let path = Path::new(OsStr::from_bytes(&self.model[..end]));
+        match end {
+            0 => Ok(None),
+            _ if path.is_absolute() => Ok(Some(path.to_owned())),
+            _ => Err(format!("the path {} is not absolute", path.display())),
+        }
+    }
+}
+
 /// The daemon's answer.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
@@ -136,22 +155,12 @@ pub struct ReloadCall {
 }
 
 impl ReloadCall {
-    /// The model file that is asked for; `None` for the one that is served, read anew.
+    /// The model file that is asked for: see [`ReloadRequest::path`].
     ///
     /// # Errors
-    /// A text that says what is wrong with the call: it comes from another process.
+    /// As there.
     pub fn model(&self) -> Result<Option<PathBuf>, String> {
-        if self.request.abi_version != ABI_VERSION {
-            return Err(format!("the call has version {}, this daemon knows {ABI_VERSION}", self.request.abi_version));
-        }
-        let field = &self.request.model;
-        let end = field.iter().position(|byte| *byte == 0).ok_or("the path of the model has no end")?;
-        let path = Path::new(OsStr::from_bytes(&field[..end]));
-        match end {
-            0 => Ok(None),
-            _ if path.is_absolute() => Ok(Some(path.to_owned())),
-            _ => Err(format!("the path {} is not absolute", path.display())),
-        }
+        self.request.path()
     }
 
     /// Answers: the model that is served now, and why not the one asked for. A caller that is gone is its own affair.

@@ -25,7 +25,8 @@ impl Gaps {
             Some((_, last)) => number - last - 1,
         };
         self.last = Some((percept.daemon_id, number));
-        self.missed += missed;
+        // Whatever a broken daemon counts.
+        self.missed = self.missed.saturating_add(missed);
         missed
     }
 
@@ -46,5 +47,8 @@ mod tests {
         assert_eq!([note(1, 100), note(1, 101), note(1, 105), note(1, 104), note(1, 106)], [0, 0, 3, 0, 0]);
         assert_eq!([note(2, 1), note(3, 4), note(3, 4), note(3, 6)], [0, 3, 0, 1]);
         assert_eq!(gaps.missed(), 7);
+        let mut note = |daemon_id, answer_number| gaps.note(&Percept { daemon_id, answer_number, ..Percept::EMPTY });
+        assert_eq!([note(4, u64::MAX), note(5, u64::MAX), note(5, 0)], [u64::MAX - 1, u64::MAX - 1, 0]);
+        assert_eq!(gaps.missed(), u64::MAX);
     }
 }

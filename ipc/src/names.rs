@@ -15,6 +15,7 @@ pub struct InstanceName(String);
 
 /// Why a text is not an instance name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum InstanceNameError {
     /// No character at all.
     #[error("the instance name is empty: leave it out for `{DEFAULT_INSTANCE}`")]

@@ -11,6 +11,7 @@ use crate::text::to_field;
 
 /// Why an observation is refused. The text is the percept's explanation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Refusal {
     /// The producer was built for another version of the messages.
     #[error("abi_version is {0}; this daemon speaks version {ABI_VERSION}: build both from the same release")]

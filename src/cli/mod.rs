@@ -36,7 +36,9 @@ mod train;
 mod watch;
 mod wording;
 
+pub use answers::{as_json, as_text};
 pub use serve::Configuration;
+pub use status::{StatusForm, status_report};
 
 use clap::{Parser, Subcommand};
 

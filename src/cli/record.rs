@@ -18,8 +18,9 @@ use std::time::{Duration, Instant};
 /// Record what the daemon is asked and answers into an MCAP file, for Foxglove and Rerun
 ///
 /// Topics: /beo/observation (point cloud of what was seen), /beo/completion (its surface, more transparent where unsure) and
-/// /beo/completion_points (its filled voxels, as Rerun draws no surfaces), /beo/object (class, pose hypotheses, box), /beo/pose, /tf, /beo/log, and /beo/percept (JSON as `beo watch --json` prints it). Ctrl-C ends the file properly; of
-/// a recorder that is killed, all but the last second can be recovered.
+/// /beo/completion_points (its filled voxels, as Rerun draws no surfaces), /beo/object (class, pose hypotheses, box), /beo/pose, /tf, /beo/log, and /beo/percept (JSON as `beo watch --json` prints it). Until it ends, the recording is
+/// in OUT.mcap.partial. Ctrl-C ends it properly, and it takes its name; of a recorder that is killed, all but the last second can be recovered
+/// from the partial file (`mcap recover`), which no other recording overwrites.
 #[derive(Args)]
 pub struct Record {
     /// The file to write
@@ -69,7 +70,10 @@ impl Record {
         recorder.say(served(&status), monotonic_ns())?;
         recorder.flush()?;
         // Whoever starts a producer after this line misses nothing.
-        warn!("recording `{}`", self.instance);
+        match recorder.path() == self.out {
+            true => warn!("recording `{}` to {}", self.instance, self.out.display()),
+            false => warn!("recording `{}` to {} until it ends", self.instance, recorder.path().display()),
+        }
         let (start, mut taken, mut missed) = (Instant::now(), 0, 0);
         let mut housekeeping = Instant::now();
         let is_done = |taken: u64| {

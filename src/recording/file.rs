@@ -1,15 +1,17 @@
 //! The MCAP file: its channels, what is written to them, and its end.
 //!
-//! Chunks are not compressed: completions of 30³ voxels take about a third of a megabyte each. A file that is not finished (the process
-//! was killed) lacks its index; readers that scan it find all that was flushed.
+//! Chunks are not compressed: completions of 30³ voxels take about a third of a megabyte each. Until it is finished the file has its name
+//! with `.partial` after it. One that is not finished (the process was killed, the disk is full) keeps that name and lacks its index; readers
+//! that scan it find all that was flushed.
 
+use beo_core::whole_file::WholeFile;
 use foxglove::Encode;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions, Writer};
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufWriter, ErrorKind};
+use std::io::{self, BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// A recording that cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -17,7 +19,7 @@ pub enum RecordError {
     /// The file cannot be written.
     #[error("cannot write {}: {cause}", path.display())]
     Write {
-        /// The file.
+        /// The file, or its partial name.
         path: PathBuf,
         /// What the operating system or the encoder said.
         cause: String,
@@ -29,7 +31,7 @@ pub enum RecordError {
         path.display()
     )]
     DiskFull {
-        /// The file.
+        /// The file, or its partial name.
         path: PathBuf,
         /// Messages that were taken before.
         messages: u64,
@@ -66,24 +68,76 @@ pub struct Channel(u16);
 
 /// The file being written.
 pub struct McapFile {
+    /// Where it is: its partial name, or a pipe's or device's own.
     path: PathBuf,
     /// Taken out when the file has ended, well or badly.
-    writer: Option<Writer<BufWriter<File>>>,
+    writer: Option<Writer<BufWriter<Sink>>>,
+    fault: Fault,
     messages: u64,
     sequences: BTreeMap<u16, u32>,
+}
+
+/// What the system said first when it failed: the encoder passes on some of its errors as its own, without their cause.
+type Fault = Arc<OnceLock<(ErrorKind, String)>>;
+
+/// The file, whose first error is remembered.
+struct Sink {
+    file: WholeFile,
+    fault: Fault,
+}
+
+impl Sink {
+    fn noting<T>(&self, outcome: io::Result<T>) -> io::Result<T> {
+        if let Err(error) = &outcome
+            && error.kind() != ErrorKind::Interrupted
+        {
+            let _ = self.fault.set((error.kind(), error.to_string()));
+        }
+        outcome
+    }
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes);
+        self.noting(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = self.file.flush();
+        self.noting(flushed)
+    }
+}
+
+impl Seek for Sink {
+    fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
+        let place = self.file.seek(position);
+        self.noting(place)
+    }
 }
 
 /// What the file's header says of the program that wrote it.
 const WRITTEN_BY: &str = concat!("beo ", env!("CARGO_PKG_VERSION"));
 
 impl McapFile {
-    /// Starts a file, in place of one that is there.
+    /// Starts a file, which takes the place of one that is there when it is finished.
     pub fn create(path: &Path) -> Result<Self, RecordError> {
-        let writer = File::create(path)
-            .map_err(McapError::from)
-            .and_then(|file| WriteOptions::library(WriteOptions::new(), WRITTEN_BY).create(BufWriter::new(file)))
-            .map_err(|error| failure(path, 0, &error))?;
-        Ok(Self { path: path.into(), writer: Some(writer), messages: 0, sequences: BTreeMap::new() })
+        let fault = Fault::default();
+        let cannot_write = |error: io::Error| failure(path, 0, &fault, &error.into());
+        let file = WholeFile::create_recoverable(path).map_err(cannot_write)?;
+        let path = file.temporary().unwrap_or(path).to_owned();
+        let sink = BufWriter::new(Sink { file, fault: fault.clone() });
+        let mut started = Self { path, writer: None, fault, messages: 0, sequences: BTreeMap::new() };
+        match WriteOptions::library(WriteOptions::new(), WRITTEN_BY).create(sink) {
+            Ok(writer) => started.writer = Some(writer),
+            Err(error) => return Err(started.ended_by(&error)),
+        }
+        Ok(started)
+    }
+
+    /// Where the recording is until it is finished.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// A channel of Foxglove's messages, with their published schema.
@@ -136,23 +190,36 @@ impl McapFile {
         self.with(Writer::flush)
     }
 
-    /// Writes the index and closes the file; messages in it and its length.
+    /// Writes the index, brings the file to the disk and gives it its name; messages in it and its length.
     pub fn finish(mut self) -> Result<(u64, u64), RecordError> {
         self.with(|writer| writer.finish().map(|_| ()))?;
-        let mut file = self.writer.take().ok_or_else(|| ended(&self.path))?.into_inner();
-        let length = std::io::Write::flush(&mut file).and_then(|()| Ok(file.get_ref().metadata()?.len()));
-        let bytes = length.map_err(|error| failure(&self.path, self.messages, &error.into()))?;
+        let writer = self.writer.take().ok_or_else(|| ended(&self.path))?;
+        let keep = |writer: Writer<BufWriter<Sink>>| {
+            let sink = writer.into_inner().into_inner().map_err(io::IntoInnerError::into_error)?;
+            let bytes = sink.file.file().metadata()?.len();
+            sink.file.keep()?;
+            Ok::<_, io::Error>(bytes)
+        };
+        let bytes = keep(writer).map_err(|error| failure(&self.path, self.messages, &self.fault, &error.into()))?;
         Ok((self.messages, bytes))
     }
 
     /// Does something with the writer. After an error it is used no more: it would fail in the middle of a record.
-    fn with<T>(&mut self, work: impl FnOnce(&mut Writer<BufWriter<File>>) -> Result<T, McapError>) -> Result<T, RecordError> {
+    fn with<T>(&mut self, work: impl FnOnce(&mut Writer<BufWriter<Sink>>) -> Result<T, McapError>) -> Result<T, RecordError> {
         let writer = self.writer.as_mut().ok_or_else(|| ended(&self.path))?;
         work(writer).map_err(|error| {
             // Ending it in its own way would write once more.
             drop(self.writer.take().map(Writer::into_inner).map(BufWriter::into_parts));
-            failure(&self.path, self.messages, &error)
+            self.ended_by(&error)
         })
+    }
+
+    /// What is told of an error that ended the file. One without a message is of no use to anybody, and goes.
+    fn ended_by(&self, error: &McapError) -> RecordError {
+        if self.messages == 0 && self.path.is_file() {
+            let _ = std::fs::remove_file(&self.path);
+        }
+        failure(&self.path, self.messages, &self.fault, error)
     }
 }
 
@@ -160,10 +227,14 @@ fn ended(path: &Path) -> RecordError {
     RecordError::Write { path: path.into(), cause: "it ended with an earlier error".into() }
 }
 
-fn failure(path: &Path, messages: u64, error: &McapError) -> RecordError {
-    match error {
-        McapError::Io(io) if io.kind() == ErrorKind::StorageFull => RecordError::DiskFull { path: path.into(), messages },
-        McapError::Io(io) => RecordError::Write { path: path.into(), cause: io.to_string() },
-        error => RecordError::Write { path: path.into(), cause: error.to_string() },
+fn failure(path: &Path, messages: u64, fault: &Fault, error: &McapError) -> RecordError {
+    let (kind, cause) = match (fault.get(), error) {
+        (Some((kind, cause)), _) => (Some(*kind), cause.clone()),
+        (None, McapError::Io(error)) => (Some(error.kind()), error.to_string()),
+        (None, error) => (None, error.to_string()),
+    };
+    match kind {
+        Some(ErrorKind::StorageFull) => RecordError::DiskFull { path: path.into(), messages },
+        _ => RecordError::Write { path: path.into(), cause },
     }
 }

@@ -28,7 +28,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a file, in place of one that is there; `notes` go into its metadata record `beo`.
+    /// Starts a file, which takes the place of one that is there when it is finished; `notes` go into its metadata record `beo`.
     ///
     /// # Errors
     /// [`RecordError`] if it cannot be written.
@@ -48,6 +48,11 @@ impl Recorder {
         notes.insert("monotonic_to_unix_ns".into(), clock.offset_ns().to_string());
         file.note("beo", notes)?;
         Ok(Self { file, clock, channels, producers: Producers::default(), recorded: Recorded::default() })
+    }
+
+    /// Where the recording is until it is finished.
+    pub fn path(&self) -> &Path {
+        self.file.path()
     }
 
     /// An observation: what was seen of it. One whose header or voxels make no sense is left out; the daemon's answer says why it refused

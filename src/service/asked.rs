@@ -43,3 +43,61 @@ pub fn ask(query: &mut Query, header: &ObservationHeader, known: PoseSearch) {
         RotationPrior::uniform()
     };
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beo_ipc::{PoseSearch as Wanted, Unit};
+
+    fn asked(header: &ObservationHeader) -> Query {
+        // Whatever an observation before it has asked.
+        let mut query =
+            Query { lying: true, camera: Some(Vector3::z()), voxel_size_m: Some(7.0), pose: PoseSearch::Full, ..Query::default() };
+        ask(&mut query, header, PoseSearch::Known);
+        query
+    }
+
+    const PLAIN: ObservationHeader = ObservationHeader::new([30; 3]);
+
+    #[test]
+    fn poses_are_searched_as_the_header_says_and_resting_poses_only_then() {
+        let searches = [Wanted::Known, Wanted::Yaw, Wanted::Full, Wanted::Rest].map(|search| {
+            let query = asked(&ObservationHeader { pose_search: search.code(), ..PLAIN });
+            (query.pose, query.lying)
+        });
+        assert_eq!(searches, [(PoseSearch::Known, false), (PoseSearch::YAW, false), (PoseSearch::Full, false), (PoseSearch::YAW, true)]);
+        // A daemon may be told to search what observations say to be known.
+        let mut query = Query::default();
+        ask(&mut query, &PLAIN, PoseSearch::YAW);
+        assert_eq!((query.pose, query.lying), (PoseSearch::YAW, false));
+    }
+
+    #[test]
+    fn true_sizes_count_only_in_metres_and_lengths_become_voxels() {
+        let header = ObservationHeader {
+            voxel_size_m: 0.5,
+            view: beo_ipc::View::Camera.code(),
+            sensor_position_m: [1.0, -2.0, 0.25],
+            scale_search: beo_ipc::ScaleSearch::Search.code(),
+            known_side_m: 4.0,
+            ..PLAIN
+        };
+        let query = asked(&header);
+        assert_eq!((query.voxel_size_m, query.view, query.camera), (None, None, Some(Vector3::new(2.0, -4.0, 0.5))));
+        assert_eq!(query.scale, ScaleSearch::Search { side: Some(8.0) });
+        assert_eq!(asked(&ObservationHeader { unit: Unit::Metres.code(), ..header }).voxel_size_m, Some(0.5));
+        let unknown = asked(&ObservationHeader { known_side_m: 0.0, ..header });
+        assert_eq!(unknown.scale, ScaleSearch::Search { side: None });
+        let above = asked(&ObservationHeader { view: beo_ipc::View::TopDown.code(), ..PLAIN });
+        assert_eq!((above.view, above.camera, above.scale), (Some(View::Top), None, ScaleSearch::Known));
+    }
+
+    #[test]
+    fn frame_and_surroundings_are_the_headers() {
+        let plain = asked(&PLAIN);
+        assert_eq!((plain.outside, plain.frame), (Outside::Empty, Frame::Grid));
+        let (outside, frame) = (beo_ipc::Outside::Unknown.code(), beo_ipc::CompletionFrame::Object.code());
+        let query = asked(&ObservationHeader { outside, completion_frame: frame, ..PLAIN });
+        assert_eq!((query.outside, query.frame), (Outside::Unknown, Frame::Object));
+    }
+}

@@ -4,6 +4,7 @@
 //! Python with the iceoryx2 wheel) is left out with a line that says so.
 
 mod builds;
+mod conformance;
 mod depth_camera;
 mod examples;
 #[path = "../program/harness.rs"]

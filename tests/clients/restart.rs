@@ -1,7 +1,7 @@
 //! The daemon is killed under clients that wait, and another one is started.
 
 use crate::examples::Examples;
-use crate::harness::{RESOLUTION, instance, serve};
+use crate::harness::{RESOLUTION, instance, model, serve};
 use crate::toolchain::{await_message, finish};
 use rustix::process::Signal;
 
@@ -50,6 +50,8 @@ fn rust_clients_survive_the_kill_of_the_daemon() {
 
 #[test]
 fn who_comes_before_the_daemon_waits_for_it() {
+    // Learned first: clients wait ten seconds for a daemon.
+    model();
     for examples in std::iter::once(Examples::c()).chain(Examples::cpp()) {
         let name = instance();
         let listener = (examples.start)("listen", &[&name, "1"]);

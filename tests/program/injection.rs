@@ -168,6 +168,37 @@ fn a_training_that_cannot_write_leaves_the_model_that_was_there() {
     }
 }
 
+/// The encoder hands some failing writes on without their cause: a full disk was "Record parse failed".
+#[test]
+fn a_recording_that_cannot_be_written_says_why_and_leaves_the_one_that_was_there() {
+    let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+    let _daemon = serve_with(&name, model(), |command| command);
+    let out = folder.path().join("a.mcap");
+    let record = || beo(["record", out.to_str().unwrap(), "--instance", &name, "--seconds", "0.1"]);
+    let partial = |name: &std::ffi::OsStr| name.to_str().unwrap().starts_with("a.mcap.partial");
+    for call in ["open64", "write", "fsync", "rename"] {
+        std::fs::write(&out, "before").unwrap();
+        let count = each(call, folder.path(), record, |n, output| {
+            // The folder itself is brought to the disk last, when the recording is there.
+            if !output.status.success() {
+                is_told(call, n, output);
+                let message = text(&output.stderr);
+                let is_full = matches!(call, "open64" | "write");
+                assert!(!is_full || message.contains("disk is full") || message.contains("No space left"), "{call} {n}: {message}");
+                assert_eq!(std::fs::read(&out).unwrap(), b"before", "{call} {n}");
+            }
+            for entry in std::fs::read_dir(folder.path()).unwrap().map(Result::unwrap).filter(|entry| partial(&entry.file_name())) {
+                let content = std::fs::read(entry.path()).unwrap();
+                assert!(content.starts_with(b"\x89MCAP0\r\n") || content.is_empty(), "{call} {n}");
+                std::fs::remove_file(entry.path()).unwrap();
+            }
+            std::fs::write(&out, "before").unwrap();
+        });
+        assert!(count > 0, "no {call} was made to fail");
+        assert_ne!(std::fs::read(&out).unwrap(), b"before");
+    }
+}
+
 #[test]
 fn a_model_that_cannot_be_read_gives_no_answer() {
     let folder = tempfile::tempdir().unwrap();

@@ -202,6 +202,45 @@ fn the_header_says_which_rotation_is_expected() {
     }
 }
 
+/// Of an object that continues, the producer's own word goes before the last answer.
+#[test]
+fn a_rotation_that_the_header_expects_goes_before_the_last_answer() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let camera = Camera::new(&name);
+    for quarter in 0..4 {
+        let expected = f64::from(quarter) * FRAC_PI_2;
+        let found = camera.ask(&seen(&square_table(), &yaw(0.2)), |header| {
+            (header.object_id, header.continued_object_id, header.continues) = (7, 7, 1);
+            let rotation = yaw(expected);
+            header.rotation_prior = [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32);
+            header.rotation_prior_concentration = 20.0;
+        });
+        assert!(apart(found, expected + 0.2) < 0.15, "{found} {expected}");
+    }
+}
+
+/// A pose that was told and not found says nothing of the next one.
+#[test]
+fn an_answer_at_a_known_pose_narrows_no_later_search() {
+    let name = instance();
+    let _daemon = serve(&name);
+    let client = Client::new(&name);
+    let table = square_table();
+    let ask = |search: beo_ipc::PoseSearch, angle: f64, continues: u32| {
+        client.ask(|header, voxels| {
+            header.pose_search = search.code();
+            header.view = beo_ipc::View::TopDown.code();
+            (header.object_id, header.continued_object_id, header.continues) = (7, 7, continues);
+            seen(&table, &yaw(angle)).write(voxels);
+        })
+    };
+    let alone = ask(beo_ipc::PoseSearch::Yaw, 0.2, 0);
+    assert_eq!(ask(beo_ipc::PoseSearch::Known, 0.0, 0).status, 0);
+    let after = ask(beo_ipc::PoseSearch::Yaw, 0.2, 1);
+    assert_eq!((after.hypotheses, after.posterior), (alone.hypotheses, alone.posterior));
+}
+
 #[test]
 fn perceive_and_eval_say_how_objects_are_turned() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,15 +1,17 @@
 //! `beo record`: what a daemon is asked and answers, read back from the file and decoded.
 
 use crate::client::{Client, block};
-use crate::harness::{PATIENCE, Running, beo, instance, run, serve, shape, text};
+use crate::harness::{PATIENCE, Running, beo, dims, instance, run, seen, serve, text};
 use beo::recording::TOPICS;
+use beo_core::grid::Rotation;
+use beo_ipc::PoseSearch;
 use beo_shapes::furniture;
 use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
 use foxglove::{Decode, Encode};
 use rustix::process::Signal;
 use std::collections::BTreeMap;
-use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// A message as it lies in the file.
 struct Message {
@@ -51,21 +53,57 @@ fn now_ns() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64
 }
 
+/// Where a recording is until it ends.
+fn partial(out: &Path) -> PathBuf {
+    out.with_file_name(format!("{}.partial", out.file_name().unwrap().to_str().unwrap()))
+}
+
+/// Waits until so many percepts have reached the file of a recorder that is running.
+fn await_percepts(out: &Path, wanted: usize) {
+    let start = Instant::now();
+    let there = || {
+        let bytes = std::fs::read(partial(out)).unwrap();
+        let messages = mcap::MessageStream::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into()).unwrap();
+        messages.map_while(Result::ok).filter(|message| message.channel.topic == "/beo/percept").count()
+    };
+    while there() < wanted {
+        assert!(start.elapsed() < PATIENCE, "{} of {wanted} percepts reach the file", there());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
 #[test]
 fn a_recording_holds_every_observation_and_answer_in_foxgloves_schemas() {
     let (name, folder) = (instance(), tempfile::tempdir().unwrap());
     let out = folder.path().join("a.mcap");
     let _daemon = serve(&name);
-    let count = furniture::CLASSES.len();
+    // Two completions are kept for a reader: however late the recorder is, it loses none of the two that are on their way.
+    let rounds = [[0, 2], [4, 8]];
+    let count = rounds.as_flattened().len();
     let before_ns = now_ns();
     let arguments = ["record", out.to_str().unwrap(), "--instance", &name, "--count", &count.to_string()];
     let mut recorder = Running::start(beo(arguments));
     assert!(recorder.message().starts_with("recording"));
-    let files: Vec<_> = furniture::CLASSES.iter().map(|class| shape(folder.path(), class, 1001)).collect();
-    let arguments = ["observe", "--instance", &name, "--rate", "50", "--pose", "yaw"].map(std::ffi::OsString::from);
-    assert!(run(arguments.into_iter().chain(files.iter().map(|f| f.clone().into_os_string()))).status.success());
+    // The producer stays until all is recorded: of one that has gone nothing is found any more.
+    let client = Client::new(&name);
+    for (round, classes) in rounds.iter().enumerate() {
+        if round > 0 {
+            await_percepts(&out, 2 * round);
+        }
+        for class in classes {
+            let object = furniture::make(furniture::CLASSES[*class], dims(), 1001).expect("a class of the generator");
+            client.send(|header, voxels| {
+                header.object_id = *class as u64 + 1;
+                header.pose_search = PoseSearch::Yaw.code();
+                header.view = beo_ipc::View::TopDown.code();
+                seen(&object, &Rotation::identity()).write(voxels);
+            });
+        }
+    }
     assert!(recorder.wait().success());
-    assert!(recorder.line().starts_with(&format!("recorded {count} percepts, {count} completions and {count} observations")));
+    assert!(!partial(&out).exists());
+    let recorded = format!("recorded {count} percepts, {count} completions and {count} observations");
+    assert!(recorder.line().starts_with(&recorded));
 
     let topics = messages(&out);
     assert_eq!(topics.keys().collect::<Vec<_>>(), {
@@ -133,19 +171,27 @@ fn what_is_recorded_reaches_the_file_within_a_second_or_so() {
     let mut recorder = Running::start(beo(["record", out.to_str().unwrap(), "--instance", &name]));
     assert!(recorder.message().starts_with("recording"));
     Client::new(&name).ask(|_, voxels| voxels[77] = 9);
-    let start = std::time::Instant::now();
-    let is_there = || {
-        let bytes = std::fs::read(&out).unwrap();
-        let messages = mcap::MessageStream::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into()).unwrap();
-        messages.map_while(Result::ok).any(|message| message.channel.topic == "/beo/percept")
-    };
-    while !is_there() {
-        assert!(start.elapsed() < PATIENCE, "the percept does not reach the file");
-        std::thread::sleep(std::time::Duration::from_millis(50));
-    }
+    await_percepts(&out, 1);
     recorder.signal(Signal::KILL);
     assert!(!recorder.wait().success());
-    assert!(is_there());
+    await_percepts(&out, 1);
+    assert!(!out.exists(), "a recording that was cut has not the name of a whole one");
+}
+
+/// What is there of a recording that was cut stays, whoever records to the same name next.
+#[test]
+fn no_recording_overwrites_one_that_was_cut() {
+    let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+    let out = folder.path().join("a.mcap");
+    let _daemon = serve(&name);
+    std::fs::write(partial(&out), "cut").unwrap();
+    let mut recorder = Running::start(beo(["record", out.to_str().unwrap(), "--instance", &name]));
+    assert!(recorder.message().ends_with("a.mcap.partial-2 until it ends"));
+    recorder.signal(Signal::INT);
+    assert!(recorder.wait().success());
+    assert_eq!(std::fs::read(partial(&out)).unwrap(), b"cut");
+    assert!(messages(&out).contains_key("/beo/log"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 #[test]
@@ -156,7 +202,7 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
         let _daemon = serve(&name);
         let mut recorder = Running::start(beo(["record", out.to_str().unwrap(), "--instance", &name]));
         assert!(recorder.message().starts_with("recording"));
-        let length = || std::fs::metadata(&out).unwrap().len();
+        let length = || std::fs::metadata(partial(&out)).unwrap().len();
         let empty = length();
         let client = Client::new(&name);
         client.ask(|_, voxels| voxels[77] = 9);
@@ -170,10 +216,10 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
             block(voxels);
         });
         // Answers are recorded in their order: once the second has been flushed, both are there.
-        let start = std::time::Instant::now();
+        let start = Instant::now();
         while length() < empty + 8_000 {
             assert!(start.elapsed() < PATIENCE, "nothing was flushed");
-            std::thread::sleep(std::time::Duration::from_millis(20));
+            std::thread::sleep(Duration::from_millis(20));
         }
         recorder.signal(signal);
         assert!(recorder.wait().success());

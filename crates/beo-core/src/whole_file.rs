@@ -3,19 +3,24 @@
 //! The content goes into a temporary file of its own in the same folder, is brought to the disk, and takes the name by renaming. Whoever
 //! reads meanwhile sees the file before, and a full disk, a crash or a second writer of the same name leaves one whole file: the one before,
 //! or either writer's.
+//!
+//! A file that is of use even when it is cut, such as a recording, has a temporary that can be found and that stays.
 
+use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions, Permissions};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// A file that is being written. Dropped without [`WholeFile::keep`], it leaves nothing.
+/// A file that is being written. Dropped without [`WholeFile::keep`], it leaves nothing, unless it is recoverable.
 #[derive(Debug)]
 pub struct WholeFile {
     /// What is to be replaced: links have been followed.
     path: PathBuf,
     /// Where the content is until then; none where `path` is a pipe or a device, which is written as it is.
     temporary: Option<PathBuf>,
+    /// Whether the temporary stays where the file is given up.
+    recoverable: bool,
     file: File,
     /// Those that the whole file gets: the replaced file's, or else a new file's.
     permissions: Permissions,
@@ -27,21 +32,35 @@ impl WholeFile {
     /// # Errors
     /// The system's own: no such folder, no rights in it, a folder of that name.
     pub fn create(path: &Path) -> io::Result<Self> {
+        Self::begin(path, false)
+    }
+
+    /// Begins a file whose content is of use even when it is cut: until [`WholeFile::keep`] it has the file's own name with `.partial` after
+    /// it, and a number where that name is taken, and it stays there if this is dropped or the process is killed.
+    ///
+    /// # Errors
+    /// As [`WholeFile::create`].
+    pub fn create_recoverable(path: &Path) -> io::Result<Self> {
+        Self::begin(path, true)
+    }
+
+    fn begin(path: &Path, recoverable: bool) -> io::Result<Self> {
         let replaced = match std::fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => return Err(ErrorKind::IsADirectory.into()),
             Ok(metadata) if !metadata.is_file() => {
                 let file = OpenOptions::new().write(true).open(path)?;
-                return Ok(Self { path: path.into(), temporary: None, file, permissions: metadata.permissions() });
+                return Ok(Self { path: path.into(), temporary: None, recoverable, file, permissions: metadata.permissions() });
             }
             Ok(metadata) => Some(metadata.permissions()),
             Err(error) if error.kind() == ErrorKind::NotFound => None,
             Err(error) => return Err(error),
         };
         let path = if replaced.is_some() { path.canonicalize()? } else { path.to_owned() };
-        if path.file_name().is_none() {
-            return Err(io::Error::new(ErrorKind::InvalidInput, "it is no name of a file"));
-        }
-        let (temporary, file) = create_beside(&path)?;
+        let Some(name) = path.file_name() else { return Err(io::Error::new(ErrorKind::InvalidInput, "it is no name of a file")) };
+        let (temporary, file) = match recoverable {
+            true => create_first_free(&path, partial_names(name))?,
+            false => create_first_free(&path, hidden_names())?,
+        };
         let own = file.metadata().map(|metadata| metadata.permissions());
         let permissions = match replaced.map_or(own, Ok) {
             Ok(permissions) => permissions,
@@ -50,7 +69,7 @@ impl WholeFile {
                 return Err(error);
             }
         };
-        Ok(Self { path, temporary: Some(temporary), file, permissions })
+        Ok(Self { path, temporary: Some(temporary), recoverable, file, permissions })
     }
 
     /// Where the content is until the file is whole; none if what stands under the name is a pipe or a device.
@@ -90,27 +109,51 @@ impl Write for WholeFile {
     }
 }
 
+impl Seek for WholeFile {
+    fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
+        self.file.seek(position)
+    }
+}
+
 impl Drop for WholeFile {
     fn drop(&mut self) {
-        if let Some(temporary) = &self.temporary {
+        if let Some(temporary) = self.temporary.as_ref().filter(|_| !self.recoverable) {
             let _ = std::fs::remove_file(temporary);
         }
     }
 }
 
-/// A new file in the folder of `path`, with a name that nothing has.
-fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
+/// Names of temporaries that nobody looks for; this process takes each once.
+fn hidden_names() -> impl Iterator<Item = OsString> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
-    loop {
-        let name = format!(".beo-{}-{}.partial", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    let pid = std::process::id();
+    std::iter::repeat_with(move || format!(".beo-{pid}-{}.partial", COUNT.fetch_add(1, Ordering::Relaxed)).into())
+}
+
+/// Names of temporaries that whoever looks for `name` finds: `name.partial`, `name.partial-2`, and so on.
+fn partial_names(name: &OsStr) -> impl Iterator<Item = OsString> {
+    (1_u64..).map(move |count| {
+        let mut partial = name.to_owned();
+        partial.push(".partial");
+        if count > 1 {
+            partial.push(format!("-{count}"));
+        }
+        partial
+    })
+}
+
+/// A new file in the folder of `path`, with the first of these names that nothing has.
+fn create_first_free(path: &Path, names: impl Iterator<Item = OsString>) -> io::Result<(PathBuf, File)> {
+    for name in names {
         let temporary = path.with_file_name(name);
         match OpenOptions::new().write(true).create_new(true).open(&temporary) {
             Ok(file) => return Ok((temporary, file)),
-            // Of a process that had the same number and was killed.
+            // Of another writer, or of a process that was killed.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
         }
     }
+    Err(ErrorKind::AlreadyExists.into())
 }
 
 /// Writes a whole file.
@@ -158,6 +201,26 @@ mod tests {
             file.keep().unwrap();
         }
         assert_eq!((std::fs::read(&path).unwrap(), names(folder.path())), (b"the second".to_vec(), vec!["a".to_owned()]));
+    }
+
+    #[test]
+    fn what_is_recoverable_stays_where_it_can_be_found_and_takes_no_name_that_is_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        write_whole(&path, b"before").unwrap();
+        for cut in ["first", "second"] {
+            WholeFile::create_recoverable(&path).unwrap().write_all(cut.as_bytes()).unwrap();
+        }
+        assert_eq!(names(folder.path()), ["a.mcap", "a.mcap.partial", "a.mcap.partial-2"]);
+        let mut whole = WholeFile::create_recoverable(&path).unwrap();
+        assert_eq!(whole.temporary().unwrap().file_name().unwrap(), "a.mcap.partial-3");
+        whole.write_all(b"third").unwrap();
+        whole.seek(SeekFrom::Start(0)).unwrap();
+        whole.write_all(b"T").unwrap();
+        whole.keep().unwrap();
+        let content = |name| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        assert_eq!(["a.mcap", "a.mcap.partial", "a.mcap.partial-2"].map(content), ["Third", "first", "second"]);
+        assert_eq!(names(folder.path()).len(), 3);
     }
 
     #[test]

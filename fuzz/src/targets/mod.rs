@@ -5,6 +5,9 @@ pub mod camera;
 pub mod config;
 pub mod model;
 pub mod observation;
+mod plain;
+pub mod readers;
+pub mod reload;
 pub mod shapes;
 mod small_model;
 
@@ -21,7 +24,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 19] = [
+pub const TARGETS: [Target; 24] = [
     Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npz", run: shapes::npz, seeds: shapes::npz_seeds, most_bytes: shapes::most_bytes_of_archive },
@@ -41,4 +44,9 @@ pub const TARGETS: [Target; 19] = [
     Target { name: "camera_info", run: camera::camera_info, seeds: camera::camera_info_seeds, most_bytes: camera::most_bytes_of_text },
     Target { name: "scene_camera", run: camera::scene_camera, seeds: camera::scene_camera_seeds, most_bytes: camera::most_bytes_of_text },
     Target { name: "trajectory", run: camera::trajectory, seeds: camera::trajectory_seeds, most_bytes: camera::most_bytes_of_text },
+    Target { name: "percept", run: readers::percept, seeds: readers::percept_seeds, most_bytes: readers::most_bytes_of_percept },
+    Target { name: "completion", run: readers::completion, seeds: readers::completion_seeds, most_bytes: readers::most_bytes_of_completion },
+    Target { name: "status", run: readers::status, seeds: readers::status_seeds, most_bytes: readers::most_bytes_of_status },
+    Target { name: "reload", run: reload::run, seeds: reload::seeds, most_bytes: reload::most_bytes },
+    Target { name: "alignment", run: shapes::alignment, seeds: shapes::alignment_seeds, most_bytes: shapes::most_bytes_of_mesh },
 ];

@@ -1,5 +1,6 @@
 //! What a producer may write: any header and any payload, through the daemon's checks, its copy and its answer.
 
+use super::plain::{bytes_of, message};
 use super::small_model::{SIDE, model};
 use beo::service::ask;
 use beo_core::grid::{Dims, Observation, UNKNOWN};
@@ -9,14 +10,9 @@ use beo_ipc::{ObservationHeader, PerceptStatus, text};
 use std::cell::RefCell;
 use std::sync::{Arc, OnceLock};
 
-const HEADER: usize = size_of::<ObservationHeader>();
-
 /// A header, then voxels. Where the header is one for the model but the voxels are too few or none, the rest is unknown.
 pub fn run(data: &[u8]) {
-    let mut bytes = [0; HEADER];
-    let (head, voxels) = data.split_at(data.len().min(HEADER));
-    bytes[..head.len()].copy_from_slice(head);
-    let header = header(&bytes);
+    let (header, voxels) = message(data);
     refused_or(&header, voxels.len(), |count| assert_eq!(count, voxels.len()));
     let mut filled = voxels.to_vec();
     filled.resize(SIDE * SIDE * SIDE, UNKNOWN);
@@ -68,89 +64,6 @@ fn perceiver() -> &'static Perceiver {
     PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(model())).expect("a usable model"))
 }
 
-/// The messages are plain numbers without padding, in the order of their declaration.
-pub(super) fn header(bytes: &[u8; HEADER]) -> ObservationHeader {
-    fn take<const N: usize>(bytes: &mut &[u8]) -> [u8; N] {
-        let (head, rest) = bytes.split_first_chunk::<N>().expect("the header's fields are as long as the header");
-        *bytes = rest;
-        *head
-    }
-    let left = &mut &bytes[..];
-    let header = ObservationHeader {
-        abi_version: u32::from_le_bytes(take(left)),
-        pose_search: u32::from_le_bytes(take(left)),
-        producer_id: u64::from_le_bytes(take(left)),
-        object_id: u64::from_le_bytes(take(left)),
-        sequence: u64::from_le_bytes(take(left)),
-        capture_ns: u64::from_le_bytes(take(left)),
-        sensor_stamp_ns: u64::from_le_bytes(take(left)),
-        written_ns: u64::from_le_bytes(take(left)),
-        deadline_ns: u64::from_le_bytes(take(left)),
-        position_m: [(); 3].map(|()| f64::from_le_bytes(take(left))),
-        orientation: [(); 4].map(|()| f64::from_le_bytes(take(left))),
-        voxel_size_m: f32::from_le_bytes(take(left)),
-        dims: [(); 3].map(|()| u32::from_le_bytes(take(left))),
-        tasks: u32::from_le_bytes(take(left)),
-        completion_frame: u32::from_le_bytes(take(left)),
-        outside: u32::from_le_bytes(take(left)),
-        view: u32::from_le_bytes(take(left)),
-        frame_id: take(left),
-        continued_object_id: u64::from_le_bytes(take(left)),
-        continues: u32::from_le_bytes(take(left)),
-        rotation_prior_concentration: f32::from_le_bytes(take(left)),
-        rotation_prior: [(); 4].map(|()| f32::from_le_bytes(take(left))),
-        sensor_position_m: [(); 3].map(|()| f32::from_le_bytes(take(left))),
-        scale_search: u32::from_le_bytes(take(left)),
-        known_side_m: f32::from_le_bytes(take(left)),
-        known_side_deviation_m: f32::from_le_bytes(take(left)),
-        unit: u32::from_le_bytes(take(left)),
-        cut: u32::from_le_bytes(take(left)),
-        share_support: f32::from_le_bytes(take(left)),
-        share_edge: f32::from_le_bytes(take(left)),
-        share_far: f32::from_le_bytes(take(left)),
-        surface_deviation_m: f32::from_le_bytes(take(left)),
-        reserved: take(left),
-    };
-    assert!(left.is_empty(), "every field was read");
-    header
-}
-
-fn bytes_of(header: &ObservationHeader) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(HEADER);
-    let mut put = |field: &[u8]| bytes.extend_from_slice(field);
-    put(&header.abi_version.to_le_bytes());
-    put(&header.pose_search.to_le_bytes());
-    for value in [
-        header.producer_id,
-        header.object_id,
-        header.sequence,
-        header.capture_ns,
-        header.sensor_stamp_ns,
-        header.written_ns,
-        header.deadline_ns,
-    ] {
-        put(&value.to_le_bytes());
-    }
-    header.position_m.iter().chain(&header.orientation).for_each(|value| put(&value.to_le_bytes()));
-    put(&header.voxel_size_m.to_le_bytes());
-    header.dims.iter().for_each(|value| put(&value.to_le_bytes()));
-    [header.tasks, header.completion_frame, header.outside, header.view].iter().for_each(|value| put(&value.to_le_bytes()));
-    put(&header.frame_id);
-    put(&header.continued_object_id.to_le_bytes());
-    put(&header.continues.to_le_bytes());
-    put(&header.rotation_prior_concentration.to_le_bytes());
-    header.rotation_prior.iter().chain(&header.sensor_position_m).for_each(|value| put(&value.to_le_bytes()));
-    put(&header.scale_search.to_le_bytes());
-    put(&header.known_side_m.to_le_bytes());
-    put(&header.known_side_deviation_m.to_le_bytes());
-    [header.unit, header.cut].iter().for_each(|value| put(&value.to_le_bytes()));
-    [header.share_support, header.share_edge, header.share_far, header.surface_deviation_m]
-        .iter()
-        .for_each(|value| put(&value.to_le_bytes()));
-    put(&header.reserved);
-    bytes
-}
-
 /// The model's tables and the scratch memory of a query, made on first use, and a small multiple of the message.
 pub fn most_bytes(len: usize) -> usize {
     64 * len + (64 << 20)
@@ -176,7 +89,6 @@ pub fn seeds() -> Vec<Vec<u8>> {
                 ..good
             };
             let mut bytes = bytes_of(&header);
-            assert_eq!(bytes.len(), HEADER);
             bytes.extend((0..SIDE * SIDE * SIDE).map(|voxel| match (voxel % SIDE, voxel / SIDE % 3) {
                 (5.., _) => 0,
                 (4, 0..2) => 1,

@@ -1,6 +1,7 @@
 //! The importers: bytes to a mesh or a grid, meshes to voxels.
 
 use beo_core::grid::{Dims, Observation, Occupancy};
+use beo_shapes::{AlignedClass, AlignedFile, Alignment};
 use beo_shapes::{Content, Format, furniture, longest_side, parse, parse_npy_observation, parse_npz_observation, voxelise};
 use beo_shapes::{write_binvox, write_npy_observation};
 use std::fmt::Write;
@@ -52,6 +53,17 @@ pub fn stl(data: &[u8]) {
 /// A PLY file.
 pub fn ply(data: &[u8]) {
     check(Format::Ply, data);
+}
+
+/// An alignment file, as `beo align` leaves it beside the shapes.
+pub fn alignment(data: &[u8]) {
+    match Alignment::parse(data) {
+        Ok(alignment) => {
+            let text = serde_json::to_string(&alignment).expect("what was read can be written");
+            assert_eq!(Alignment::parse(text.as_bytes()), Ok(alignment));
+        }
+        Err(line) => assert!(!line.contains(char::is_control), "an error of one line that a terminal can show"),
+    }
 }
 
 fn check(format: Format, data: &[u8]) {
@@ -286,4 +298,18 @@ pub fn ply_seeds() -> Vec<Vec<u8>> {
         bytes
     };
     vec![text.into_bytes(), binary("binary_little_endian", |bytes| bytes), binary("binary_big_endian", reversed)]
+}
+
+/// Seeds.
+pub fn alignment_seeds() -> Vec<Vec<u8>> {
+    let file = |number: usize| AlignedFile {
+        input: format!("pliers/{number}.obj"),
+        output: format!("pliers/{number}.off"),
+        rotation_xyzw: [0.0, 0.0, 0.6, 0.8],
+        scale: 0.1,
+        translation: [0.1, -0.2, 1.0 / 3.0],
+    };
+    let class = AlignedClass { entropy_before: 3.0, entropy_normalised: 2.0, entropy_after: 1.0, files: (0..3).map(file).collect() };
+    let alignment = Alignment::new(40, [("pliers".to_owned(), class)].into());
+    vec![serde_json::to_vec(&alignment).expect("plain text"), serde_json::to_vec_pretty(&alignment).expect("plain text")]
 }

@@ -267,7 +267,8 @@ impl From<CarvedGridError> for Failure {
     fn from(error: CarvedGridError) -> Self {
         let outcome = match &error {
             CarvedGridError::Dims(_) => Outcome::BadDims,
-            CarvedGridError::Refused(_) => Outcome::InvalidArgument,
+            // What the daemon would refuse, now or in later versions.
+            _ => Outcome::InvalidArgument,
         };
         Self::new(outcome, error.to_string())
     }

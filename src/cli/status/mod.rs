@@ -34,6 +34,27 @@ pub struct StatusCommand {
     wait: f64,
 }
 
+/// How a status is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StatusForm {
+    /// Some lines for people.
+    Text,
+    /// One JSON object.
+    Json,
+    /// Prometheus' text exposition format 0.0.4.
+    Prometheus,
+}
+
+/// A daemon's status as it is told at `now_ns`. It comes from another process: any numbers and texts can be in it.
+pub fn status_report(instance: &InstanceName, status: &Status, form: StatusForm, now_ns: u64) -> String {
+    let health = Health::of(status, now_ns);
+    match form {
+        StatusForm::Text => report::text(instance, status, health, now_ns),
+        StatusForm::Json => report::json(instance, status, health, now_ns).to_string(),
+        StatusForm::Prometheus => prometheus::text(instance, status, health, now_ns).trim_end().to_owned(),
+    }
+}
+
 impl StatusCommand {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
@@ -50,15 +71,13 @@ impl StatusCommand {
             }
         };
         let now_ns = monotonic_ns();
-        let health = Health::of(&status, now_ns);
-        if self.prometheus {
-            say!("{}", prometheus::text(&self.instance, &status, health, now_ns).trim_end());
-        } else if self.json {
-            say!("{}", report::json(&self.instance, &status, health, now_ns));
-        } else {
-            say!("{}", report::text(&self.instance, &status, health, now_ns));
-        }
-        match health.complaint() {
+        let form = match (self.prometheus, self.json) {
+            (true, _) => StatusForm::Prometheus,
+            (false, true) => StatusForm::Json,
+            (false, false) => StatusForm::Text,
+        };
+        say!("{}", status_report(&self.instance, &status, form, now_ns));
+        match Health::of(&status, now_ns).complaint() {
             None => Ok(()),
             Some(complaint) => Err(Failure::Failed(format!("`{}` is not healthy: {complaint}", self.instance))),
         }

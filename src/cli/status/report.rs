@@ -53,7 +53,7 @@ pub fn text(instance: &InstanceName, status: &Status, health: Health, now_ns: u6
             ms(status.latency_max_ns)
         ),
     });
-    if status.reloads + status.reloads_refused > 0 {
+    if status.reloads > 0 || status.reloads_refused > 0 {
         lines.push(format!("models taken since the start: {}, refused: {}", status.reloads, status.reloads_refused));
     }
     lines.join("\n")
