@@ -191,7 +191,7 @@ fn complete(classified: Classified<'_>, model_id: u64, query: &Query, server: &S
     loan.send().map_err(|error| error.to_string())
 }
 
-/// What an answer says besides class, pose, size and place.
+/// The part of an answer besides class, pose, size and place.
 struct BeyondClass {
     none_probability: f32,
     fit: f32,
@@ -199,7 +199,7 @@ struct BeyondClass {
 }
 
 impl BeyondClass {
-    /// What perception did not compute, the messages say so. The one place where these are taken from its answer.
+    /// The values of perception's answer, with marks where perception did not compute them. The one place where they are taken over.
     fn of(answer: &perception::Percept) -> Self {
         let number = |value: Option<f64>| value.map_or(NOT_COMPUTED, |value| value as f32);
         let (none_probability, fit) = (number(answer.none_probability), number(answer.fit));
