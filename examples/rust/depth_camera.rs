@@ -21,7 +21,7 @@ fn intrinsics() -> Intrinsics {
     Intrinsics::new(320, 240, [277.0, 277.0], [160.3, 119.1], [0.0; 5]).expect("numbers of a camera")
 }
 
-/// What a camera gives.
+/// A frame of a camera.
 struct Images {
     /// Metres; 0: no reading.
     depth_m: Vec<f32>,

@@ -52,7 +52,7 @@
 
 
 /**
- * What became of a call. 0: done. Above 0: nothing is broken, try again (later, or after what the text says). Below 0: an error, of
+ * The outcome of a call. 0: done. Above 0: nothing is broken, try again (later, or after what the text says). Below 0: an error, of
  * which `beo_last_error` says more.
  */
 enum beo_status
@@ -153,7 +153,7 @@ typedef uint32_t beo_percept_status;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-/** What is known of the object's rotation: `beo_observation_header.pose_search`. */
+/** The prior knowledge of the object's rotation: `beo_observation_header.pose_search`. */
 enum beo_pose_search
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t
@@ -198,7 +198,10 @@ typedef uint32_t beo_completion_frame;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-/** What lies outside the grid: `beo_observation_header.outside`. It matters where a rotated object reaches over the grid's edge. */
+/**
+ * The assumption about voxels outside the grid: `beo_observation_header.outside`. It matters where a rotated object reaches over the
+ * grid's edge.
+ */
 enum beo_outside
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t
@@ -238,7 +241,7 @@ typedef uint32_t beo_view;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-/** What is known of the object's size and of its place in the grid: `beo_observation_header.scale_search`. */
+/** The prior knowledge of the object's size and of its place in the grid: `beo_observation_header.scale_search`. */
 enum beo_scale_search
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t
@@ -303,7 +306,7 @@ typedef uint32_t beo_method;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-/** What the daemon does: `beo_daemon_status.state`. */
+/** The state of the daemon: `beo_daemon_status.state`. */
 enum beo_daemon_state
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t
@@ -346,7 +349,7 @@ typedef struct beo_subscriber beo_subscriber;
 typedef struct beo_observation_header {
     /** `BEO_ABI_VERSION`. */
     uint32_t abi_version;
-    /** What is known of the rotation: a number of `beo_pose_search`. */
+    /** The prior knowledge of the rotation: a number of `beo_pose_search`. */
     uint32_t pose_search;
     /** Who wrote this; unique among the producers of a machine. */
     uint64_t producer_id;
@@ -370,11 +373,11 @@ typedef struct beo_observation_header {
     float voxel_size_m;
     /** Voxels along x, y, z. */
     uint32_t dims[3];
-    /** What to compute: bits of `BEO_TASK_…`. */
+    /** The tasks to compute: bits of `BEO_TASK_…`. */
     uint32_t tasks;
     /** In which frame the completion is wanted: a number of `beo_completion_frame`. */
     uint32_t completion_frame;
-    /** What lies outside the grid: a number of `beo_outside`. */
+    /** The assumption about voxels outside the grid: a number of `beo_outside`. */
     uint32_t outside;
     /** Where the sensor looked from: a number of `beo_view`. */
     uint32_t view;
@@ -396,7 +399,7 @@ typedef struct beo_observation_header {
     float rotation_prior[4];
     /** Where the camera is, from the grid's centre along the grid's axes, metres; read if `view` is `beo_view.Camera`. */
     float sensor_position_m[3];
-    /** What is known of the object's size and place: a number of `beo_scale_search`. */
+    /** The prior knowledge of the object's size and place: a number of `beo_scale_search`. */
     uint32_t scale_search;
     /**
      * The object's longest side, metres, where the producer knows it and `scale_search` is `beo_scale_search.Search`: only the place is
@@ -407,7 +410,7 @@ typedef struct beo_observation_header {
     float known_side_deviation_m;
     /** The unit of `voxel_size_m` and of all other lengths: a number of `beo_unit`. True sizes count only where it is `beo_unit.Metres`. */
     uint32_t unit;
-    /** What cuts the object off, so that it may go on where nothing is known: bits of `BEO_CUT_…`. */
+    /** The causes that cut the object off, so that it may go on where nothing is known: bits of `BEO_CUT_…`. */
     uint32_t cut;
     /**
      * Share of the readings in the object's mask that were left out because they are the support's, 0 to 1. No reading counts in two
@@ -513,7 +516,7 @@ typedef struct beo_percept {
     uint32_t hypothesis_count;
     /** Spread of the rotation's posterior: expected angle to the first hypothesis, radians. */
     float rotation_spread_rad;
-    /** What was computed: bits of `BEO_TASK_…`. */
+    /** The tasks that were computed: bits of `BEO_TASK_…`. */
     uint32_t tasks;
     /**
      * Probability that the object is of none of the model's classes, 0 to 1; `BEO_NOT_COMPUTED` where the model cannot say. `posterior` is
@@ -532,7 +535,7 @@ typedef struct beo_percept {
     uint32_t resting_pose;
     /** 1 if earlier observations of the object count in this answer, 0 if it is this observation's alone. */
     uint32_t filtered;
-    /** What cuts the object off, as the observation had it: bits of `BEO_CUT_…`. */
+    /** The causes that cut the object off, as the observation had them: bits of `BEO_CUT_…`. */
     uint32_t cut;
     /** The unit of all lengths, as the observation had it: a number of `beo_unit`. */
     uint32_t unit;
@@ -608,7 +611,7 @@ typedef struct beo_completion_header {
      * `BEO_NOT_COMPUTED` where the model cannot say.
      */
     float none_probability;
-    /** What cuts the object off, as the observation had it: bits of `BEO_CUT_…`. What lies beyond is predicted. */
+    /** The causes that cut the object off, as the observation had them: bits of `BEO_CUT_…`. The part beyond is predicted. */
     uint32_t cut;
     /** The unit of all lengths, as the observation had it: a number of `beo_unit`. */
     uint32_t unit;
@@ -628,7 +631,7 @@ typedef struct beo_completion_view {
     const uint8_t *occupancy;
     /** Standard deviation of that probability × 255, one byte per voxel, in the same order. */
     const uint8_t *deviation;
-    /** What it answers, and where the grid lies: a copy. */
+    /** The observation that it answers, and where the grid lies: a copy. */
     struct beo_completion_header header;
 } beo_completion_view;
 
@@ -688,7 +691,7 @@ typedef struct beo_daemon_status {
     uint32_t dims[3];
     /** How many entries of `class_names` are used. */
     uint32_t class_count;
-    /** What the daemon does: a number of `beo_daemon_state`. */
+    /** The state of the daemon: a number of `beo_daemon_state`. */
     uint32_t state;
     /** How often another model took the place of the one before. */
     uint32_t reloads;
@@ -771,8 +774,8 @@ typedef struct beo_camera_options {
     /** The sensor. */
     struct beo_sensor_model sensor;
     /**
-     * What is up in the camera frame, of any length, where it is known (an accelerometer at rest points there); 0, 0, 0 where it is not:
-     * then the support plane says so. Default: that.
+     * The direction up in the camera frame, of any length, where it is known (an accelerometer at rest points there); 0, 0, 0 where it is
+     * not: then the support plane says so. Default: that.
      */
     double up[3];
     /** Longest side of what is visible of an object, as a share of its grid's shortest side, above 0 and at most 1. Default: 2 / 3. */
@@ -796,13 +799,13 @@ typedef struct beo_plane {
 } beo_plane;
 
 /**
- * Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. And what is known
- * of the readings that it is carved from.
+ * Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. And what is
+ * known of the readings that it is carved from.
  */
 typedef struct beo_grid {
     /** Voxels along x, y, z. */
     uint32_t dims[3];
-    /** What cuts the object off: bits of `BEO_CUT_…`; 0: it is seen whole, or nothing is said. */
+    /** The causes that cut the object off: bits of `BEO_CUT_…`; 0: it is seen whole, or nothing is said. */
     uint32_t cut;
     /** Edge of a voxel, metres. */
     double voxel_size_m;
@@ -827,11 +830,11 @@ extern "C" {
 /** The version of the library that is linked: compare it with `BEO_ABI_VERSION`, the version of this header. */
 uint32_t beo_abi_version(void);
 
-/** What a status means, in English. Never NULL, for any number; owned by the library, valid for ever. */
+/** The meaning of a status, in English. Never NULL, for any number; owned by the library, valid for ever. */
 const char *beo_status_text(int32_t status);
 
 /**
- * What the last call of this thread that did not succeed had to say: what was wrong, where, and what to do. Never NULL, empty if all
+ * The message of the last call of this thread that did not succeed: what was wrong, where, and what to do. Never NULL, empty if all
  * succeeded; owned by the library, valid until this thread's next call that fails.
  */
 const char *beo_last_error(void);
@@ -965,7 +968,7 @@ beo_status beo_producer_open(const char *instance,
 beo_status beo_producer_close(struct beo_producer *producer);
 
 /**
- * What tells this producer from others, stored in `*id`: percepts repeat it as `producer_id`.
+ * The identifier of this producer, stored in `*id`: percepts repeat it as `producer_id`.
  *
  * The caller promises:
  * `id` is NULL or writable.

@@ -22,7 +22,7 @@ pub struct CarvedGrid {
     pub camera_position_m: [f64; 3],
     /// The producer's own name for the object.
     pub object_id: u64,
-    /// What cuts the object off: bits of [`crate::cut`].
+    /// The causes that cut the object off: bits of [`crate::cut`].
     pub cut: u32,
     /// Share of the mask's readings that were left out as the support's, 0 to 1.
     pub share_support: f64,

@@ -60,7 +60,7 @@ checked_codes!(PerceptStatus {
     NothingSeen
 });
 
-/// What the daemon does: [`crate::Status::state`].
+/// The state of the daemon: [`crate::Status::state`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
 pub enum DaemonState {
@@ -76,7 +76,7 @@ pub enum DaemonState {
 }
 checked_codes!(DaemonState { Serving, Reloading, Stopping, Failing });
 
-/// What is known of the object's rotation: [`crate::ObservationHeader::pose_search`].
+/// The prior knowledge of the object's rotation: [`crate::ObservationHeader::pose_search`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
 pub enum PoseSearch {
@@ -105,7 +105,8 @@ pub enum CompletionFrame {
 }
 checked_codes!(CompletionFrame { Grid, Object });
 
-/// What lies outside the grid: [`crate::ObservationHeader::outside`]. It matters where a rotated object reaches over the grid's edge.
+/// The assumption about voxels outside the grid: [`crate::ObservationHeader::outside`]. It matters where a rotated object reaches over the
+/// grid's edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
 pub enum Outside {
@@ -131,7 +132,7 @@ pub enum View {
 }
 checked_codes!(View { Unspecified, TopDown, Camera });
 
-/// What is known of the object's size and of its place in the grid: [`crate::ObservationHeader::scale_search`].
+/// The prior knowledge of the object's size and of its place in the grid: [`crate::ObservationHeader::scale_search`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]
 pub enum ScaleSearch {

@@ -1,4 +1,4 @@
-//! What can go wrong on a channel: what, where, and what to do.
+//! Errors of the channels: what was wrong, where, and what to do.
 
 use std::time::Duration;
 
@@ -51,7 +51,7 @@ pub enum OpenError {
     OtherSettings {
         /// Which service.
         service: String,
-        /// What differs.
+        /// The difference.
         cause: String,
     },
     /// The memory for the segments is not there; writing to them would be a bus error later.
@@ -85,7 +85,7 @@ pub enum OpenError {
     Full {
         /// Which service.
         service: String,
-        /// What was to be connected.
+        /// The role that was to be connected.
         role: &'static str,
     },
     /// The dims are outside the limits.
@@ -94,7 +94,7 @@ pub enum OpenError {
     /// Anything else, in iceoryx2's words.
     #[error("cannot open {what}: {cause}")]
     Failed {
-        /// What was to be opened.
+        /// The service that was to be opened.
         what: String,
         /// iceoryx2's or the system's word for it.
         cause: String,

@@ -29,7 +29,7 @@ pub trait Layout {
     const LAYOUT_HASH: u64 = hash_of(Self::FIELDS, Self::RESERVED_FROM);
 }
 
-/// What a field can be made of.
+/// The types that fields can have.
 pub(crate) trait Scalar {
     const NAME: &'static str;
 }

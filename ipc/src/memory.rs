@@ -5,10 +5,10 @@ use crate::error::OpenError;
 /// Where POSIX shared memory lies on Linux.
 pub const SHARED_MEMORY_DIR: &str = "/dev/shm";
 
-/// What a chunk has beside its payload: iceoryx2's header, ours (at most 320 bytes), and rounding up.
+/// The bytes of a chunk beside its payload: iceoryx2's header, ours (at most 320 bytes), and rounding up.
 const CHUNK_OVERHEAD: u64 = 512;
 
-/// What a publisher has beside its chunks: management, and the connections to its readers.
+/// The bytes of a publisher beside its chunks: management, and the connections to its readers.
 const PUBLISHER_OVERHEAD: u64 = 256 * 1024;
 
 /// Shared memory of a process that joins an instance, beside its publishers: its connections to the others and its wake-ups, of which each

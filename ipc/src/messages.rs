@@ -39,7 +39,7 @@ pub const NOT_COMPUTED: f32 = -1.0;
 pub struct ObservationHeader {
     /// [`ABI_VERSION`].
     pub abi_version: u32,
-    /// What is known of the rotation: a number of [`PoseSearch`].
+    /// The prior knowledge of the rotation: a number of [`PoseSearch`].
     pub pose_search: u32,
     /// Who wrote this; unique among the producers of a machine.
     pub producer_id: u64,
@@ -63,11 +63,11 @@ pub struct ObservationHeader {
     pub voxel_size_m: f32,
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
-    /// What to compute: bits of [`tasks`].
+    /// The tasks to compute: bits of [`tasks`].
     pub tasks: u32,
     /// In which frame the completion is wanted: a number of [`CompletionFrame`].
     pub completion_frame: u32,
-    /// What lies outside the grid: a number of [`Outside`].
+    /// The assumption about voxels outside the grid: a number of [`Outside`].
     pub outside: u32,
     /// Where the sensor looked from: a number of [`View`].
     pub view: u32,
@@ -85,7 +85,7 @@ pub struct ObservationHeader {
     pub rotation_prior: [f32; 4],
     /// Where the camera is, from the grid's centre along the grid's axes, metres; read if `view` is [`View::Camera`].
     pub sensor_position_m: [f32; 3],
-    /// What is known of the object's size and place: a number of [`ScaleSearch`].
+    /// The prior knowledge of the object's size and place: a number of [`ScaleSearch`].
     pub scale_search: u32,
     /// The object's longest side, metres, where the producer knows it and `scale_search` is [`ScaleSearch::Search`]: only the place is
     /// then found; 0 where it does not.
@@ -94,7 +94,7 @@ pub struct ObservationHeader {
     pub known_side_deviation_m: f32,
     /// The unit of `voxel_size_m` and of all other lengths: a number of [`Unit`]. True sizes count only where it is [`Unit::Metres`].
     pub unit: u32,
-    /// What cuts the object off, so that it may go on where nothing is known: bits of [`crate::cut`].
+    /// The causes that cut the object off, so that it may go on where nothing is known: bits of [`crate::cut`].
     pub cut: u32,
     /// Share of the readings in the object's mask that were left out because they are the support's, 0 to 1. No reading counts in two
     /// shares.
@@ -251,7 +251,7 @@ pub struct Percept {
     pub hypothesis_count: u32,
     /// Spread of the rotation's posterior: expected angle to the first hypothesis, radians.
     pub rotation_spread_rad: f32,
-    /// What was computed: bits of [`tasks`].
+    /// The tasks that were computed: bits of [`tasks`].
     pub tasks: u32,
     /// Probability that the object is of none of the model's classes, 0 to 1; [`NOT_COMPUTED`] where the model cannot say. `posterior` is
     /// that of the classes given that it is of one of them.
@@ -264,7 +264,7 @@ pub struct Percept {
     pub resting_pose: u32,
     /// 1 if earlier observations of the object count in this answer, 0 if it is this observation's alone.
     pub filtered: u32,
-    /// What cuts the object off, as the observation had it: bits of [`crate::cut`].
+    /// The causes that cut the object off, as the observation had them: bits of [`crate::cut`].
     pub cut: u32,
     /// The unit of all lengths, as the observation had it: a number of [`Unit`].
     pub unit: u32,
@@ -414,7 +414,7 @@ pub struct CompletionHeader {
     /// Probability that the object is of none of the model's classes, as its percept says: what is predicted is then of little use.
     /// [`NOT_COMPUTED`] where the model cannot say.
     pub none_probability: f32,
-    /// What cuts the object off, as the observation had it: bits of [`crate::cut`]. What lies beyond is predicted.
+    /// The causes that cut the object off, as the observation had them: bits of [`crate::cut`]. The part beyond is predicted.
     pub cut: u32,
     /// The unit of all lengths, as the observation had it: a number of [`Unit`].
     pub unit: u32,
@@ -519,7 +519,7 @@ pub struct Status {
     pub dims: [u32; 3],
     /// How many entries of `class_names` are used.
     pub class_count: u32,
-    /// What the daemon does: a number of [`crate::DaemonState`].
+    /// The state of the daemon: a number of [`crate::DaemonState`].
     pub state: u32,
     /// How often another model took the place of the one before.
     pub reloads: u32,

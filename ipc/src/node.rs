@@ -29,7 +29,7 @@ pub fn config() -> Config {
     config
 }
 
-/// What the names of all segments start with.
+/// The prefix of all segments' names.
 pub(crate) fn prefix() -> Vec<u8> {
     config().global.prefix.as_bytes().to_vec()
 }

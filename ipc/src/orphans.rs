@@ -27,7 +27,7 @@ const ORPHAN_AGE: Duration = Duration::from_secs(1);
 /// How long the opening of a role waits for empty segments to get a size or to become [`ORPHAN_AGE`] old.
 const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
-/// What a look at one file says.
+/// The finding of a look at one file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Finding {
     /// Not an empty segment of this user, or no longer there.

@@ -37,7 +37,7 @@ pub struct Producer {
     node: Node<Ipc>,
 }
 
-/// What a loan needs to be sent without its producer.
+/// The part of a producer that a loan needs to be sent.
 #[derive(Debug)]
 struct Outlet {
     observed: Notifier<Ipc>,
@@ -89,7 +89,7 @@ impl Producer {
         retry_within(timeout, || Self::open(instance, template))
     }
 
-    /// What tells this producer from others; percepts repeat it.
+    /// The identifier of this producer; percepts repeat it.
     pub fn id(&self) -> u64 {
         self.template.producer_id
     }
@@ -148,7 +148,7 @@ pub struct Loan {
     outlet: Arc<Outlet>,
 }
 
-/// What became of a sent observation.
+/// The outcome of sending an observation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sent {
     /// Its number, which its percept repeats; counted from 1.

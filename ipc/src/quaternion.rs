@@ -2,7 +2,7 @@
 
 /// How far the norm of a unit quaternion may be from 1.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
-/// What rounding leaves of a norm of 1.
+/// The tolerance for a norm of 1 after rounding.
 const ROUNDING: f64 = 1e-12;
 
 /// A valid quaternion at length 1, so that rotating by it scales nothing. One that is 1 but for rounding stays as it is, bit by bit.

@@ -20,7 +20,7 @@ use crate::node::{self, Ipc};
 use crate::peers::Peers;
 use crate::shared::{copy_of, descriptor_of};
 
-/// What to subscribe to.
+/// The channels to subscribe to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SubscriberOptions {
     /// Completions too. Without them the big segment is never mapped. Default: no.
@@ -205,7 +205,7 @@ pub struct Completion {
 }
 
 impl Completion {
-    /// What it answers, and where the grid lies.
+    /// The observation that it answers, and where the grid lies.
     pub fn header(&self) -> &CompletionHeader {
         &self.header
     }

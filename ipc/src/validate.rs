@@ -19,7 +19,7 @@ pub enum Refusal {
     /// An axis is outside the limits.
     #[error("dims are {dims:?}; each axis must have {MIN_DIM} to {MAX_DIM} voxels")]
     BadDims {
-        /// What the header says.
+        /// The header's value.
         dims: [u32; 3],
         /// Bytes of the payload.
         payload_len: usize,
@@ -27,7 +27,7 @@ pub enum Refusal {
     /// The payload has not one byte per voxel.
     #[error("the payload has {payload_len} bytes; dims {dims:?} need {}", voxel_count(*.dims).unwrap_or(0))]
     WrongLength {
-        /// What the header says.
+        /// The header's value.
         dims: [u32; 3],
         /// Bytes of the payload.
         payload_len: usize,
@@ -41,9 +41,9 @@ pub enum Refusal {
     /// The model was trained for other dims.
     #[error("dims are {dims:?}; the model is for {model:?}")]
     DimsNotOfModel {
-        /// What the header says.
+        /// The header's value.
         dims: [u32; 3],
-        /// What the model was trained for.
+        /// The model's value.
         model: [u32; 3],
     },
     /// A voxel is none of 0, 1 and 255.
@@ -51,7 +51,7 @@ pub enum Refusal {
     BadVoxel {
         /// Index in the payload.
         index: usize,
-        /// What it is.
+        /// The value found.
         value: u8,
     },
     /// NaN or infinite.
@@ -82,7 +82,7 @@ pub enum Refusal {
     BadDeviation {
         /// The field's name.
         field: &'static str,
-        /// What it is.
+        /// The value found.
         value: f32,
         /// How to say that there is nothing to say.
         meaning_of_0: &'static str,
@@ -92,7 +92,7 @@ pub enum Refusal {
     BadShare {
         /// The field's name.
         field: &'static str,
-        /// What it is.
+        /// The value found.
         value: f32,
     },
     /// The producer asks for something that this release does not know, or did not clear the header.
@@ -103,7 +103,7 @@ pub enum Refusal {
     UnknownCode {
         /// Which field of the header.
         field: &'static str,
-        /// What it is.
+        /// The value found.
         code: u32,
     },
     /// No voxel is filled.
@@ -272,7 +272,7 @@ fn check_sensor(header: &ObservationHeader) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// What the producer says of the readings that the grid was made of.
+/// Checks of the shares and deviations of the readings that the grid was made of.
 fn check_readings(header: &ObservationHeader) -> Result<(), Refusal> {
     let shares = [("share_support", header.share_support), ("share_edge", header.share_edge), ("share_far", header.share_far)];
     if let Some((field, value)) = shares.into_iter().find(|(_, value)| !(0.0..=1.0).contains(value)) {

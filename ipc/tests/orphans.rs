@@ -1,5 +1,5 @@
-//! What a process leaves in /dev/shm that is killed while it makes a segment: an empty file of mode 0200, which iceoryx2 0.10.0 opens for
-//! ever.
+//! The remains in /dev/shm of a process that is killed while it makes a segment: an empty file of mode 0200, which iceoryx2 0.10.0 opens
+//! for ever.
 //!
 //! The file is planted in the place of a segment of a process that is then killed. Everything that could block is done by other processes
 //! (this test binary again, see [`a_role_in_another_process`]), and waited for only for a while: a test fails where it would hang. As

@@ -5,7 +5,7 @@ use beo_core::perception::{Perceiver, PoseSearch, Projection};
 use clap::ValueEnum;
 use serde::Deserialize;
 
-/// What is known of the pose.
+/// The prior knowledge of the pose.
 #[derive(Clone, Copy, Debug, ValueEnum, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PoseArgument {

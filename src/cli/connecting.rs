@@ -23,7 +23,7 @@ impl<'a> Connecting<'a> {
         Self { instance, deadline: Instant::now() + wait, stop }
     }
 
-    /// What `open` opens, as soon as there is a daemon.
+    /// The result of `open`, as soon as there is a daemon.
     pub fn open<T>(&self, mut open: impl FnMut() -> Result<T, OpenError>) -> Result<T, Failure> {
         loop {
             self.check()?;

@@ -32,7 +32,7 @@ pub struct Demo {
     /// Folder for the frames and the pictures: depth, query, completion of every view
     #[arg(long, default_value = "demo", value_name = "DIR")]
     png: PathBuf,
-    /// What to look at, one after the other
+    /// Shapes to look at, one after the other
     #[arg(long, value_delimiter = ',', value_parser = household::CLASSES, default_value = "mug,box,bowl,bottle", value_name = "CLASSES")]
     objects: Vec<String>,
     /// Views of each, evenly spread around it
@@ -51,7 +51,7 @@ pub struct Demo {
 
 /// A process is given this long to end, and an answer this long to come.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// What the watcher has not said so long after the camera's end does not come.
+/// The longest wait for the watcher's lines after the camera's end.
 const SILENCE: Duration = Duration::from_secs(3);
 /// The process that must be there before the camera sends.
 const WATCHER: &str = "beo watch";
@@ -161,7 +161,7 @@ fn remove_frames(folder: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is known of a view because it was made up.
+/// The ground truth of a view, known because it was made up.
 struct View {
     class: String,
     /// Turn of the object in the world, radians.
@@ -224,7 +224,7 @@ impl View {
 /// A turn this near is right, radians.
 const RIGHT_TURN: f64 = 15.0 / 180.0 * PI;
 
-/// What came of all views.
+/// The outcome of all views.
 #[derive(Default)]
 struct Tally {
     answers: usize,

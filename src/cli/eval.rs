@@ -34,7 +34,7 @@ pub struct Eval {
     /// from [default: all]
     #[arg(long)]
     split: Option<String>,
-    /// What is known of the pose
+    /// The prior knowledge of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
     /// With --pose yaw, draw and search angles in [0, DEGREES); the paper's is 180

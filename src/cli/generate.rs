@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// in metres, as DIR/units.txt says (`beo train --units folder` learns true sizes from it); furniture has the ten classes of ModelNet10. Train on them with `beo train DIR --out MODEL`.
 #[derive(Args)]
 pub struct Generate {
-    /// What to make up
+    /// The kind of shapes to make up
     #[arg(value_enum)]
     kind: Kind,
     /// Folder to write to

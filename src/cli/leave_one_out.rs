@@ -21,7 +21,7 @@ const ANSWER_BYTES: usize = 18;
 /// Bytes of a voxel while it is drawn, of as many pictures at a time as there are threads.
 const PICTURE_BYTES: usize = 12;
 
-/// What is asked for.
+/// The requested evaluation.
 pub struct LeaveOneOut<'a> {
     /// Folder of shapes.
     pub dir: &'a Path,

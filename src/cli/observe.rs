@@ -21,10 +21,10 @@ pub struct Observe {
     /// Instance of the daemon
     #[arg(long, default_value_t = InstanceName::default(), value_name = "NAME")]
     instance: InstanceName,
-    /// What is seen of a file
+    /// The view of a file
     #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
     view: ViewArgument,
-    /// What is known of the pose
+    /// The prior knowledge of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
     /// Turn the object by this much about the vertical axis from one of its observations to the next

@@ -26,10 +26,10 @@ pub struct Perceive {
     /// Bound the memory of a model of a large grid, which is read in place, to so many megabytes: what was read before is given back
     #[arg(long, value_name = "MB")]
     memory: Option<u64>,
-    /// What is seen of a file
+    /// The view of a file
     #[arg(long, value_enum, default_value_t = ViewArgument::Top)]
     view: ViewArgument,
-    /// What is known of the pose
+    /// The prior knowledge of the pose
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
     /// With --pose yaw, search angles in [0, DEGREES)

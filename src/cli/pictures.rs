@@ -1,4 +1,4 @@
-//! What `watch` and `perceive` leave in folders: a picture of each object, and its query and completion as PLY.
+//! Pictures and geometry that `watch` and `perceive` leave in folders: a picture of each object, and its query and completion as PLY.
 
 use super::answers::{class_name, classes, hypotheses, posed};
 use super::failure::{Failure, cannot_write};
@@ -39,7 +39,7 @@ impl PictureArguments {
 
 /// One object as it was perceived.
 pub struct Shown {
-    /// What its files' names start with.
+    /// The beginning of its files' names.
     stem: String,
     title: String,
     observation: Observation,

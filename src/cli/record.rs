@@ -148,7 +148,7 @@ fn take_observations(reader: Option<&ObservationReader>, recorder: &mut Recorder
     Ok(())
 }
 
-/// What the daemon serves, as a line of the log.
+/// The served model, as a line of the log.
 fn served(status: &Status) -> String {
     let names: Vec<&str> = status.class_names().collect();
     format!("model {} for grids of {:?}, classes {}", from_field(&status.model_name), status.dims, names.join(", "))

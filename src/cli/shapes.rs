@@ -41,7 +41,7 @@ pub struct ShapeArguments {
 /// How open meshes are filled.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum CloseArgument {
-    /// What most rays through it find inside, as if a lid lay on each hole
+    /// Every voxel that most rays through it find inside, as if a lid lay on each hole
     Holes,
     /// All of the visual hull: what every ray through it meets, hollows included
     Hull,
@@ -105,7 +105,7 @@ impl UpArgument {
     }
 }
 
-/// What is seen of a file.
+/// The view of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ViewArgument {
     /// A complete shape, seen straight from above
@@ -148,7 +148,7 @@ pub enum Source {
     Above(Occupancy),
     /// A complete shape, seen by a camera.
     Camera(Occupancy, Eye),
-    /// What was seen of a shape.
+    /// The observation of a shape.
     Observation(Observation),
 }
 
@@ -169,7 +169,7 @@ impl Source {
         }
     }
 
-    /// What is seen of it, a shape being first turned about z by `angle` radians.
+    /// The observation of it, a shape being first turned about z by `angle` radians.
     pub fn turned_by(&self, angle: f64) -> Cow<'_, Observation> {
         let turned = |object: &Occupancy| match angle {
             0.0 => object.clone(),
@@ -202,7 +202,7 @@ impl ViewArgument {
         (self == ViewArgument::Top).then_some(View::Top)
     }
 
-    /// What lies outside of the grid.
+    /// The assumption about voxels outside of the grid.
     pub fn outside(self) -> Outside {
         if self == ViewArgument::Camera { Outside::Unknown } else { Outside::Empty }
     }

@@ -20,7 +20,7 @@ pub fn hold_hangup() -> Result<(), Failure> {
     hangup().thread_block().map_err(cannot_listen)
 }
 
-/// What a daemon listens to: SIGINT and SIGTERM end it, SIGHUP reloads its model. `ctrlc` cannot tell them apart, so SIGHUP is held back
+/// The signals of a daemon: SIGINT and SIGTERM end it, SIGHUP reloads its model. `ctrlc` cannot tell them apart, so SIGHUP is held back
 /// from its handler ([`hold_hangup`]) and waited for here; one that came before waits. As long as `loading` is set, there is nothing to be
 /// cleaned up yet, and the process ends at once.
 pub fn of_daemon(loading: Arc<AtomicBool>) -> Result<Signals, Failure> {

@@ -80,7 +80,7 @@ enum UnitsArgument {
     Cm,
     /// Millimetres
     Mm,
-    /// What DIR/units.txt says
+    /// The unit that DIR/units.txt names
     Folder,
     /// Not known, or different from file to file
     None,
@@ -105,7 +105,7 @@ impl UnitsArgument {
     }
 }
 
-/// What sensors and masks get wrong.
+/// The errors of sensors and masks.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum SensorsArgument {
     /// Little noise, near by, masks without faults
@@ -141,7 +141,7 @@ enum RestingArgument {
     Rest,
 }
 
-/// What a training will need at least, known from the number of files before any is read.
+/// The least memory of a training, known from the number of files before any is read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Need {
     /// Bytes of the basis W': every class adds its least number of components, if it has the shapes, and its mean.
@@ -191,7 +191,7 @@ impl Need {
 #[derive(Default)]
 struct Times(Mutex<Clock>);
 
-/// What runs, since when; and how long what ended took in all, with how often.
+/// The running steps with their start, and the total duration and count of those that ended.
 #[derive(Default)]
 struct Clock {
     running: Option<(Instant, String)>,

@@ -1,4 +1,4 @@
-//! What other programs show: completions as surfaces, observations as points, both in metres where the grid lies, and as PLY files for
+//! Geometry for other programs: completions as surfaces, observations as points, both in metres where the grid lies, and as PLY files for
 //! RViz, MeshLab and Blender.
 //!
 //! | file | what |

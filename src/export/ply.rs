@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 pub struct PlyError {
     /// The file.
     path: PathBuf,
-    /// What the operating system said.
+    /// The operating system's words.
     source: std::io::Error,
 }
 

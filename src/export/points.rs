@@ -1,4 +1,4 @@
-//! What was seen, as a point cloud: the centres of the filled voxels of an observation.
+//! Observations as point clouds: the centres of the filled voxels of an observation.
 
 use super::GridPlacement;
 use beo_core::grid::Observation;

@@ -75,7 +75,7 @@ impl Padded {
     }
 }
 
-/// What was completed, looked up between voxel centres.
+/// The completion, interpolated between voxel centres.
 struct Look<'a> {
     dims: Dims,
     occupancy: &'a [f32],

@@ -4,7 +4,7 @@ use beo_ipc::clock::monotonic_ns;
 use foxglove::messages::Timestamp;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// What lies between the two clocks; fixed when recording starts, so that a step of the time of day tears nothing apart.
+/// The offset between the two clocks, fixed when recording starts, so that a step of the time of day tears nothing apart.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     /// Nanoseconds since 1970 when CLOCK_MONOTONIC was 0.

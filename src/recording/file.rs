@@ -21,7 +21,7 @@ pub enum RecordError {
     Write {
         /// The file, or its partial name.
         path: PathBuf,
-        /// What the operating system or the encoder said.
+        /// The words of the operating system or the encoder.
         cause: String,
     },
     /// There is no more room.
@@ -38,7 +38,7 @@ pub enum RecordError {
     },
 }
 
-/// What a finished recording holds.
+/// The content of a finished recording, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Recorded {
     /// Observations.
@@ -77,7 +77,7 @@ pub struct McapFile {
     sequences: BTreeMap<u16, u32>,
 }
 
-/// What the system said first when it failed: the encoder passes on some of its errors as its own, without their cause.
+/// The first error of the system: the encoder passes on some of its errors as its own, without their cause.
 type Fault = Arc<OnceLock<(ErrorKind, String)>>;
 
 /// The file, whose first error is remembered.
@@ -116,7 +116,7 @@ impl Seek for Sink {
     }
 }
 
-/// What the file's header says of the program that wrote it.
+/// The name of this program in the file's header.
 const WRITTEN_BY: &str = concat!("beo ", env!("CARGO_PKG_VERSION"));
 
 impl McapFile {
@@ -214,7 +214,7 @@ impl McapFile {
         })
     }
 
-    /// What is told of an error that ended the file. One without a message is of no use to anybody, and goes.
+    /// The error that is reported of one that ended the file. A file without a message is of no use to anybody, and goes.
     fn ended_by(&self, error: &McapError) -> RecordError {
         if self.messages == 0 && self.path.is_file() {
             let _ = std::fs::remove_file(&self.path);

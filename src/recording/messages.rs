@@ -1,6 +1,6 @@
 //! Observations and answers as Foxglove's messages.
 //!
-//! What is drawn lies in the frame that the observation named; where it named none, in [`NO_FRAME`].
+//! All geometry lies in the frame that the observation named; where it named none, in [`NO_FRAME`].
 
 use super::Clock;
 use crate::export::{GridPlacement, Surface};
@@ -21,7 +21,7 @@ pub const NO_FRAME: &str = "world";
 /// Hypotheses less probable get no arrow.
 const LEAST_DRAWN: f32 = 0.02;
 
-/// What all messages about one object at one time have in common.
+/// The part that all messages about one object at one time have in common.
 #[derive(Clone, Debug)]
 pub struct About {
     /// Name of the object in the recording: that of its frame and its entities.

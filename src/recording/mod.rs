@@ -1,4 +1,4 @@
-//! What a daemon is asked and answers, as an MCAP file that Foxglove and Rerun open.
+//! Recordings of observations and answers as MCAP files that Foxglove and Rerun open.
 //!
 //! | topic | schema | content |
 //! | --- | --- | --- |

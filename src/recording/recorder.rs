@@ -15,7 +15,7 @@ use std::path::Path;
 pub const TOPICS: [&str; 8] =
     ["/beo/observation", "/beo/completion", "/beo/object", "/beo/pose", "/tf", "/beo/log", "/beo/percept", "/beo/completion_points"];
 
-/// What a percept is in JSON, as far as it is the same in every release.
+/// The JSON schema of a percept, as far as it is the same in every release.
 const PERCEPT_SCHEMA: &str = r#"{"title":"beo.Percept","type":"object","properties":{"sequence":{"type":"integer"},"latency_us":{"type":"number"},"class":{"type":["string","null"]},"posterior":{"type":"object","additionalProperties":{"type":"number"}},"hypotheses":{"type":"array","items":{"type":"object","properties":{"rotation":{"type":"array","items":{"type":"number"}},"class":{"type":"string"},"probability":{"type":"number"}}}},"rotation_spread_rad":{"type":"number"},"log_score":{"type":"object","additionalProperties":{"type":"number"}},"none_probability":{"type":["number","null"]},"fit":{"type":["number","null"]},"resting_pose":{"type":["integer","null"]},"filtered":{"type":"boolean"},"cut":{"type":"array","items":{"type":"string"}},"answer_number":{"type":"integer"},"refused":{"type":"string"},"completion":{"type":["object","null"]}}}"#;
 
 /// Writes what is perceived into an MCAP file. Times are of CLOCK_MONOTONIC, nanoseconds, as in the messages; `now_ns` is when it was taken.

@@ -321,7 +321,7 @@ fn loan_completion(
     Ok(loan)
 }
 
-/// What an answer says besides class, pose, size and place.
+/// The part of an answer besides class, pose, size and place.
 struct BeyondClass {
     none_probability: f32,
     fit: f32,
@@ -329,7 +329,7 @@ struct BeyondClass {
 }
 
 impl BeyondClass {
-    /// What perception did not compute, the messages say so. The one place where these are taken from its answer.
+    /// The values of perception's answer, with marks where perception did not compute them. The one place where they are taken over.
     fn of(answer: &perception::Percept) -> Self {
         let number = |value: Option<f64>| value.map_or(NOT_COMPUTED, |value| value as f32);
         let (none_probability, fit) = (number(answer.none_probability), number(answer.fit));

@@ -1,4 +1,4 @@
-//! What the header of a valid observation asks for, as a query.
+//! The query that the header of a valid observation asks.
 
 use beo_core::grid::{Outside, View, from_xyzw};
 use beo_core::perception::{Frame, PoseSearch, Query, RotationPrior, ScaleSearch};

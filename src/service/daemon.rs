@@ -28,10 +28,11 @@ const HOUSEKEEPING_NS: u64 = 1_000_000_000;
 /// Observations that are taken before one is answered: all that can wait at a time, 16 of each of 16 producers. Without a bound, producers
 /// that send faster than they are read would keep the daemon reading.
 const MOST_AT_ONCE: usize = 256;
-/// What waits when the daemon is to stop is answered for so long; less than the second that is promised, as an answer takes time too.
+/// The time for answering waiting observations when the daemon is to stop; less than the second that is promised, as an answer takes time
+/// too.
 const DRAIN: Duration = Duration::from_millis(800);
 
-/// What a daemon serves.
+/// The settings of a daemon: instance, model, recipe.
 pub struct ServeOptions {
     /// Its instance.
     pub instance: InstanceName,
@@ -43,7 +44,7 @@ pub struct ServeOptions {
     pub poll: bool,
 }
 
-/// What a daemon is told from outside, by signals.
+/// The requests that signals bring to a daemon.
 #[derive(Clone, Debug, Default)]
 pub struct Signals {
     /// To end.
@@ -105,7 +106,7 @@ impl Daemon {
         self.server.daemon_id()
     }
 
-    /// What it has done so far.
+    /// The counters and state so far.
     pub fn status(&self) -> &Status {
         &self.status
     }

@@ -67,7 +67,7 @@ impl Supervisor {
         }
     }
 
-    /// What the manager does not take is lost: it never delays an observation.
+    /// A message that the manager does not take is lost: it never delays an observation.
     fn send(&self, states: &[NotifyState<'_>]) {
         let message: String = states.iter().map(|state| format!("{state}\n")).collect();
         if let Some((socket, address)) = &self.socket

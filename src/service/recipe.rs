@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// Log P(s) of each class of a model, up to a constant; empty if all are the same.
 pub type Prior = Arc<dyn Fn(&Perceiver) -> Vec<f64> + Send + Sync>;
 
-/// What does not change when the model does.
+/// The settings that stay when the model changes.
 #[derive(Clone)]
 pub struct Recipe {
     /// How it answers what observations do not say themselves. Its prior is replaced.

@@ -15,13 +15,13 @@ pub struct Reload {
     thread: std::io::Result<JoinHandle<Result<Answerer, String>>>,
 }
 
-/// What became of it.
+/// The outcome of loading it.
 pub struct Reloaded {
     /// The model's file.
     pub path: PathBuf,
     /// Who waits for an answer.
     pub call: Option<ReloadCall>,
-    /// What answers from now on, or why it cannot.
+    /// The answerer from now on, or why there is none.
     pub outcome: Result<Answerer, String>,
 }
 

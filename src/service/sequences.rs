@@ -15,7 +15,7 @@ pub struct Sequences {
     last: Vec<Heard>,
 }
 
-/// What was last heard of a producer.
+/// The last sequence number of a producer.
 struct Heard {
     producer: u64,
     sequence: u64,

@@ -1,4 +1,4 @@
-//! What is believed of each object after its last answer, for observations that continue it.
+//! The belief about each object after its last answer, for observations that continue it.
 
 use super::belief::ClassBelief;
 use beo_core::perception::{Percept, RotationPrior};

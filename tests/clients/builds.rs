@@ -1,4 +1,4 @@
-//! What is installed: symbols, SONAME, and the three ways to build against it.
+//! The installed library: symbols, SONAME, and the three ways to build against it.
 
 use crate::harness::text;
 use crate::harness::{RESOLUTION, instance, serve};

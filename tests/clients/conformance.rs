@@ -1,4 +1,4 @@
-//! What every client must do, whatever its language: one scenario, played by the examples `camera` and `listen` of each.
+//! The behaviour of every client, whatever its language: one scenario, played by the examples `camera` and `listen` of each.
 //!
 //! They say alike what happens to them. `camera`: "sent observation N". `listen`: a line for each percept, "#N class …" or "#N refused: why",
 //! and as messages "listening", "waiting for the daemon" and "missed N percepts". A language whose tools are missing is left out with a line
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 /// Voxels along each side of the other daemon's grids.
 const OTHER_RESOLUTION: usize = 20;
-/// What the classes of the other models begin with.
+/// The beginning of the other models' class names.
 const OTHER: &str = "other-";
 
 /// How a client of some language differs from the others.

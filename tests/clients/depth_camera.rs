@@ -29,7 +29,7 @@ fn every_depth_camera_is_answered() {
     }
 }
 
-/// What a driver sends, as the daemon gets it.
+/// The observation of a driver, as the daemon gets it.
 fn observed(examples: &Examples, segmentation: &str) -> Vec<(ObservationHeader, Vec<u8>)> {
     let name = instance();
     let server = Server::open(&InstanceName::new(&name).unwrap(), &ServerOptions::new([RESOLUTION as u32; 3])).unwrap();

@@ -111,8 +111,8 @@ fn numbers(line: &str) -> Vec<f64> {
     line.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-')).filter_map(|word| word.parse().ok()).collect()
 }
 
-/// What `grasp` must say of a completion: sequence, centroid, its deviation, extents. The camera's grid is turned by a quarter about z, so
-/// that the sensor's x is −y of the grid and the sensor's y its x: no quaternion is needed to say so.
+/// The numbers that `grasp` must print of a completion: sequence, centroid, its deviation, extents. The camera's grid is turned by a
+/// quarter about z, so that the sensor's x is −y of the grid and the sensor's y its x: no quaternion is needed to say so.
 fn expected_grasp(completion: &Completion) -> Vec<f64> {
     let (n, size) = (RESOLUTION as f64, 1.2 / RESOLUTION as f64);
     let points: Vec<[f64; 3]> = (0..RESOLUTION.pow(3))

@@ -183,7 +183,7 @@ pub fn dims() -> Dims {
     Dims::cube(RESOLUTION).unwrap()
 }
 
-/// What the small model answers, without a daemon.
+/// The small model's answer, without a daemon.
 pub fn answer(observation: &Observation, query: &Query) -> Percept {
     static PERCEIVER: OnceLock<Perceiver> = OnceLock::new();
     let perceiver = PERCEIVER.get_or_init(|| Perceiver::new(Arc::new(beo_core::model::load(model()).unwrap())).unwrap());
@@ -192,7 +192,7 @@ pub fn answer(observation: &Observation, query: &Query) -> Percept {
     percept
 }
 
-/// What is seen from above of an object turned by `rotation`.
+/// The view from above of an object turned by `rotation`.
 pub fn seen(object: &Occupancy, rotation: &Rotation) -> Observation {
     View::Top.of(&Turn::new(object.dims(), rotation).occupancy(object))
 }

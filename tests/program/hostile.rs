@@ -1,4 +1,4 @@
-//! What a broken or hostile producer writes gives a percept that says so to that producer, and nothing else.
+//! An observation of a broken or hostile producer gives a percept that says so to that producer, and nothing else.
 
 use crate::client::{Client, DIMS, block, explanation};
 use crate::faults::roles::{Actor, Role};

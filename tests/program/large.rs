@@ -25,7 +25,7 @@ fn write(path: &Path, class: &str, seed: u64, angle: f64) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// What training said, and the model.
+/// The messages of training, and the model.
 fn trained() -> &'static (String, PathBuf) {
     static MODEL: OnceLock<(tempfile::TempDir, (String, PathBuf))> = OnceLock::new();
     let (_, trained) = MODEL.get_or_init(|| {

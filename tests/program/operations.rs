@@ -1,4 +1,4 @@
-//! What an operator does and sees: status, reload, the service manager, logs, a clean end.
+//! The work of an operator: status, reload, the service manager, logs, a clean end.
 
 use crate::client::{Client, block, explanation};
 use crate::harness::{PATIENCE, Running, beo, instance, model, run, serve, serve_with, text, train};
@@ -352,7 +352,7 @@ fn on_sigterm_what_waits_is_answered() {
     assert_eq!(percepts.len(), 10);
 }
 
-/// What became of so many observations that waited when the daemon was told to end, and was then stopped, once it had begun to answer
+/// The outcome of so many observations that waited when the daemon was told to end, and was then stopped, once it had begun to answer
 /// them, for longer than it has; with the percepts that are kept for a reader.
 fn stopped_while_it_ends(sent: u64) -> (Status, Vec<Percept>) {
     let name = instance();

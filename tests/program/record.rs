@@ -178,7 +178,7 @@ fn what_is_recorded_reaches_the_file_within_a_second_or_so() {
     assert!(!out.exists(), "a recording that was cut has not the name of a whole one");
 }
 
-/// What is there of a recording that was cut stays, whoever records to the same name next.
+/// A recording that was cut stays, whoever records to the same name next.
 #[test]
 fn no_recording_overwrites_one_that_was_cut() {
     let (name, folder) = (instance(), tempfile::tempdir().unwrap());

@@ -1,4 +1,4 @@
-//! What is missing, too small, damaged or not ours: one line that says what to do, exit code 1, before anything is lost.
+//! Resources that are missing, too small, damaged or another's: one line that says what to do, exit code 1, before anything is lost.
 //!
 //! Small disks are file systems of a mount namespace, other users are processes without rights: both need root, and without it those
 //! tests say that they are left out.

@@ -1,4 +1,4 @@
-//! What a user sees who asks for something wrong: one line that says what to do, exit code 1 or 2.
+//! Answers to wrong usage: one line that says what to do, exit code 1 or 2.
 
 use crate::harness::{RESOLUTION, Running, beo, instance, model, run, shape, text};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What cameras see, from shapes to figures: `beo generate`, `train --views camera`, `eval --view camera`.
+//! Views of cameras, from shapes to figures: `beo generate`, `train --views camera`, `eval --view camera`.
 
 use crate::harness::{run, text};
 use serde_json::Value;

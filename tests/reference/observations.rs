@@ -1,4 +1,4 @@
-//! What is asked.
+//! The observations of the comparison.
 
 use beo_core::grid::{Dims, Observation, Occupancy, Rotation, Turn, View};
 use beo_shapes::library::{self, LoadOptions};
@@ -13,12 +13,12 @@ pub fn furniture(dims: Dims, seeds: std::ops::Range<u64>) -> Vec<Occupancy> {
     seeds.flat_map(of_seed).collect()
 }
 
-/// What is seen from above of an object turned by `rotation`.
+/// The view from above of an object turned by `rotation`.
 pub fn from_above(object: &Occupancy, rotation: &Rotation) -> Observation {
     View::Top.of(&Turn::new(object.dims(), rotation).occupancy(object))
 }
 
-/// What is seen along +x: in each line of voxels all behind the first filled one is unknown.
+/// The view along +x: in each line of voxels all behind the first filled one is unknown.
 pub fn from_the_side(object: &Occupancy) -> Observation {
     let dims = object.dims();
     let mut seen = Observation::unknown(dims);

@@ -16,9 +16,9 @@ pub enum ProcessError {
     /// The system refused.
     #[error("cannot start {name}: {source}")]
     Start {
-        /// What was to be started.
+        /// The program that was to be started.
         name: &'static str,
-        /// What the operating system said.
+        /// The operating system's words.
         source: std::io::Error,
     },
     /// Input or output was taken before, or never asked for.
@@ -29,7 +29,7 @@ pub enum ProcessError {
     Wait {
         /// Which.
         name: &'static str,
-        /// What the operating system said.
+        /// The operating system's words.
         source: std::io::Error,
     },
     /// It failed.
@@ -73,7 +73,7 @@ impl Process {
         Ok(Self { child, name })
     }
 
-    /// What it is called in messages.
+    /// The name in messages.
     pub fn name(&self) -> &'static str {
         self.name
     }

@@ -1,4 +1,4 @@
-//! What `beo camera` reads: images of depth and labels, and what is known of the camera.
+//! Input of `beo camera`: images of depth and labels, and what is known of the camera.
 
 use beo::frames::{
     CameraChoice, ColourLabels, DepthUnit, MOST_PIXELS, Raster, VoidLabels, parse_camera_info, parse_jpeg_image, parse_npy_image,

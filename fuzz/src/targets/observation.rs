@@ -1,4 +1,4 @@
-//! What a producer may write: any header and any payload, through the daemon's checks, its copy and its answer.
+//! Messages of producers: any header and any payload, through the daemon's checks, its copy and its answer.
 
 use super::plain::{bytes_of, message};
 use super::small_model::{SIDE, model};

@@ -1,5 +1,5 @@
-//! What readers take from shared memory: percepts, completions and statuses of a daemon that may be anything, told in words and as JSON, and
-//! recorded.
+//! Messages of a daemon, as readers take them: percepts, completions and statuses of a daemon that may be anything, told in words and as
+//! JSON, and recorded.
 
 use super::plain::{bytes_of, message};
 use beo::cli::{StatusForm, as_json, as_text, status_report};

@@ -14,13 +14,13 @@ pub extern "C" fn beo_abi_version() -> u32 {
     ABI_VERSION
 }
 
-/// What a status means, in English. Never NULL, for any number; owned by the library, valid for ever.
+/// The meaning of a status, in English. Never NULL, for any number; owned by the library, valid for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn beo_status_text(status: i32) -> *const c_char {
     Outcome::text(status).as_ptr()
 }
 
-/// What the last call of this thread that did not succeed had to say: what was wrong, where, and what to do. Never NULL, empty if all
+/// The message of the last call of this thread that did not succeed: what was wrong, where, and what to do. Never NULL, empty if all
 /// succeeded; owned by the library, valid until this thread's next call that fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn beo_last_error() -> *const c_char {

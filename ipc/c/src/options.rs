@@ -41,7 +41,7 @@ pub struct CompletionView {
     pub occupancy: *const u8,
     /// Standard deviation of that probability × 255, one byte per voxel, in the same order.
     pub deviation: *const u8,
-    /// What it answers, and where the grid lies: a copy.
+    /// The observation that it answers, and where the grid lies: a copy.
     pub header: CompletionHeader,
 }
 
@@ -109,8 +109,8 @@ pub struct CameraOptions {
     pub support_label: u32,
     /// The sensor.
     pub sensor: DepthSensor,
-    /// What is up in the camera frame, of any length, where it is known (an accelerometer at rest points there); 0, 0, 0 where it is not:
-    /// then the support plane says so. Default: that.
+    /// The direction up in the camera frame, of any length, where it is known (an accelerometer at rest points there); 0, 0, 0 where it is
+    /// not: then the support plane says so. Default: that.
     pub up: [f64; 3],
     /// Longest side of what is visible of an object, as a share of its grid's shortest side, above 0 and at most 1. Default: 2 / 3.
     pub share: f64,
@@ -134,14 +134,14 @@ pub struct SupportPlane {
     pub offset_m: f64,
 }
 
-/// Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. And what is known
-/// of the readings that it is carved from.
+/// Where a grid lies in the camera frame: its own frame has its origin at the grid's centre, axes along the indices, z up. And what is
+/// known of the readings that it is carved from.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 pub struct PlacedGrid {
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
-    /// What cuts the object off: bits of `BEO_CUT_…`; 0: it is seen whole, or nothing is said.
+    /// The causes that cut the object off: bits of `BEO_CUT_…`; 0: it is seen whole, or nothing is said.
     pub cut: u32,
     /// Edge of a voxel, metres.
     pub voxel_size_m: f64,

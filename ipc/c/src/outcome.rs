@@ -1,4 +1,4 @@
-//! What a function of the interface returns: a status, and for errors a text that says what was wrong, where, and what to do.
+//! The results of the interface's functions: a status, and for errors a text that says what was wrong, where, and what to do.
 
 use crate::handles::HandleError;
 use beo_camera::{FrameError, GridError, IntrinsicsError, PlacementError, SensorModelError};
@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What became of a call. 0: done. Above 0: nothing is broken, try again (later, or after what the text says). Below 0: an error, of
+/// The outcome of a call. 0: done. Above 0: nothing is broken, try again (later, or after what the text says). Below 0: an error, of
 /// which `beo_last_error` says more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]

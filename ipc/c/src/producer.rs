@@ -66,7 +66,7 @@ pub extern "C" fn beo_producer_close(producer: *mut ProducerHandle) -> Outcome {
     })
 }
 
-/// What tells this producer from others, stored in `*id`: percepts repeat it as `producer_id`.
+/// The identifier of this producer, stored in `*id`: percepts repeat it as `producer_id`.
 ///
 /// # Safety
 /// `id` is NULL or writable.

@@ -1,4 +1,4 @@
-//! What is generated from the messages and functions is current: the C header and the Python structures.
+//! Generated files are those of the present messages and functions: the C header and the Python structures.
 //!
 //! `BEO_WRITE_GENERATED=1 cargo test -p beo-c --test generated` writes them anew.
 

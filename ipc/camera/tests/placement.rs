@@ -134,6 +134,107 @@ fn a_box_whose_foot_is_hidden_reaches_down_to_the_table() {
     assert!((floating.0 - without.0).abs() < 1e-12, "{floating:?}");
 }
 
+/// Columns and rows of an image.
+type Part = [std::ops::Range<usize>; 2];
+
+/// The grid about the pixels of `labelled`, seen by a camera of 320 × 240 pixels, of which each is 4 mm wide at a metre.
+fn grid_about(labelled: &[Part], depth: impl Fn(usize, usize) -> f64, up: Vector3<f64>, support: Option<&Plane>) -> Grid {
+    let camera = Intrinsics::new(320, 240, [250.0; 2], [159.5, 119.5], [0.0; 5]).unwrap();
+    let depth: Vec<f32> = (0..320 * 240).map(|pixel| depth(pixel % 320, pixel / 320) as f32).collect();
+    let mut labels = vec![0; 320 * 240];
+    for [columns, rows] in labelled {
+        rows.clone().for_each(|row| labels[row * 320 + columns.start..row * 320 + columns.end].fill(OBJECT));
+    }
+    let frame = Frame::new(&camera, &depth, &labels).unwrap();
+    let (up, sensor) = (Unit::new_normalize(up), SensorModel::default());
+    place(&frame, OBJECT, &up, support, &sensor, DIMS, &Placement::default()).unwrap()
+}
+
+/// A part of a wall at one metre, and whatever else is labelled.
+fn wall_and(more: &[Part]) -> Grid {
+    let labelled: Vec<Part> = std::iter::once([120..200, 80..160]).chain(more.iter().cloned()).collect();
+    grid_about(&labelled, |_, _| 1.0, -Vector3::y(), None)
+}
+
+/// The longest side of the box that a grid is laid about.
+fn longest_side_m(grid: &Grid) -> f64 {
+    grid.voxel_size_m() * 20.0
+}
+
+fn moved(a: &Grid, b: &Grid) -> f64 {
+    (a.grid_to_camera().translation.vector - b.grid_to_camera().translation.vector).norm()
+}
+
+/// Half a percent of the readings is left out at each end of each axis.
+#[test]
+fn a_few_readings_far_off_move_no_side_of_the_box() {
+    let plain = wall_and(&[]);
+    assert!((longest_side_m(&plain) - 0.32).abs() < 0.01, "{}", longest_side_m(&plain));
+    // 20 of 6,400 readings, all beside others of their depth: to the left, to the right, above and below.
+    for far in [[10..12, 110..120], [300..302, 110..120], [150..160, 5..7], [150..160, 230..232]] {
+        let grid = wall_and(&[far]);
+        assert!((longest_side_m(&grid) - longest_side_m(&plain)).abs() < 0.01 && moved(&grid, &plain) < 0.01, "{grid:?}");
+    }
+}
+
+#[test]
+fn readings_without_neighbours_count_only_where_there_are_no_others() {
+    let plain = wall_and(&[]);
+    // 180 of 6,580 readings, each beside readings of the wall that are not the object's.
+    let lone = |from: usize| -> Vec<Part> {
+        (from..from + 30).step_by(2).flat_map(|u| (110..134).step_by(2).map(move |v| [u..u + 1, v..v + 1])).collect()
+    };
+    let grid = wall_and(&lone(280));
+    assert!((longest_side_m(&grid) - longest_side_m(&plain)).abs() < 0.01 && moved(&grid, &plain) < 0.01, "{grid:?}");
+    let alone = grid_about(&lone(146), |_, _| 1.0, -Vector3::y(), None);
+    assert!((longest_side_m(&alone) - 0.112).abs() < 0.005, "28 pixels from the first column to the last: {}", longest_side_m(&alone));
+    // Of a handle two pixels thick no reading has four neighbours: it is the object's all the same, but for its last half percent.
+    let handle = wall_and(&[[200..280, 119..121]]);
+    assert!((0.48..0.64).contains(&longest_side_m(&handle)), "{}", longest_side_m(&handle));
+}
+
+#[test]
+fn how_alike_neighbours_are_follows_the_sensor() {
+    // At three metres, the right half is as rough as the sensor's noise lets a plane be.
+    let rough = 3.0 * SensorModel::default().deviation(3.0);
+    assert!(rough > 0.01, "more than is alike at any distance");
+    let depth = |u: usize, v: usize| if u >= 160 && (u + v).is_multiple_of(2) { 3.0 + rough } else { 3.0 };
+    let grid = grid_about(&[[120..200, 100..140]], depth, -Vector3::y(), None);
+    assert!((longest_side_m(&grid) - 0.96).abs() < 0.04, "{}", longest_side_m(&grid));
+}
+
+#[test]
+fn the_box_reaches_down_to_a_near_support_along_the_vertical() {
+    // The support slopes, and passes so far below the lowest reading of a wall of 32 cm, or of a tile of 4 cm.
+    let slope = 40_f64.to_radians();
+    let normal = Unit::new_normalize(Vector3::new(0.0, -slope.cos(), -slope.sin()));
+    let wall: Part = [120..200, 80..160];
+    let tile: Part = [155..165, 115..125];
+    for (part, lowest, gap, height) in [
+        (&wall, 0.16, 0.08, 0.40),
+        // Beyond three tenths of the height, an object hangs.
+        (&wall, 0.16, 0.12, 0.32),
+        (&tile, 0.02, 0.016, 0.054),
+        (&tile, 0.02, 0.024, 0.04),
+    ] {
+        let plane = Plane::new(normal, &Point3::new(0.0, lowest + gap, 1.0));
+        let grid = grid_about(std::slice::from_ref(part), |_, _| 1.0, -Vector3::y(), Some(&plane));
+        assert!((longest_side_m(&grid) - height).abs() < 0.007, "{gap} m below: {}", longest_side_m(&grid));
+    }
+}
+
+/// The direction in which the camera looks at an object says nothing if it is nearly the vertical.
+#[test]
+fn from_straight_above_x_is_up_in_the_image() {
+    // Its middle is 3 cm to the right of the axis, at a metre.
+    let grid = grid_about(&[[147..187, 100..140]], |_, _| 1.0, -Vector3::z(), None);
+    let x = grid.grid_to_camera().rotation * Vector3::x();
+    assert!((x + Vector3::y()).norm() < 1e-6, "{x}");
+    let aside = grid_about(&[[187..227, 100..140]], |_, _| 1.0, -Vector3::z(), None);
+    let x = aside.grid_to_camera().rotation * Vector3::x();
+    assert!((x - Vector3::x()).norm() < 0.02, "{x}");
+}
+
 #[test]
 fn objects_that_are_hardly_seen_have_no_grid_but_a_reason() {
     let camera = Intrinsics::new(64, 48, [60.0, 60.0], [31.5, 23.5], [0.0; 5]).unwrap();
@@ -145,6 +246,8 @@ fn objects_that_are_hardly_seen_have_no_grid_but_a_reason() {
     labels[..39].fill(OBJECT);
     let few = |found| Err(PlacementError::TooFew { object: OBJECT, found, least: 40 });
     assert_eq!(laid(&[1.0; 64 * 48], &labels, &Placement::default()), few(39));
+    labels[39] = OBJECT;
+    assert!(laid(&[1.0; 64 * 48], &labels, &Placement::default()).is_ok(), "40 are enough");
     labels.fill(OBJECT);
     for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
         assert_eq!(laid(&[bad; 64 * 48], &labels, &Placement::default()), few(0));

@@ -41,7 +41,7 @@ impl ReconnectingProducer {
         retry_within(timeout, || Self::open(instance, template))
     }
 
-    /// What tells this producer from others; percepts repeat it.
+    /// The identifier of this producer; percepts repeat it.
     pub fn id(&self) -> u64 {
         self.template.producer_id
     }

@@ -45,8 +45,8 @@ pub fn draw_shapes(name: &str, files: &[&str], solids: &[Solid], congealed: &Con
     Ok(sheet(&rows, &format!("{name}: each as it came, aligned, and aligned from above")))
 }
 
-/// What is filled along an axis, the darker the more: along x from the right (y to the right), along y from the front (x to the right), along z
-/// from above (x to the right, y up).
+/// The number of filled voxels along an axis, the darker the more: along x from the right (y to the right), along y from the front (x to
+/// the right), along z from above (x to the right, y up).
 fn shadow(dims: Dims, occupancy: &[f32], axis: usize, side: usize) -> Image {
     let sides = <[usize; 3]>::from(dims);
     let (u, v) = [(1, 2), (0, 2), (0, 1)][axis];

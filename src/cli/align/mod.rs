@@ -150,7 +150,7 @@ impl Align {
         self.up.map_or_else(|| usual_up(&file.path), UpArgument::up)
     }
 
-    /// What is in a file, with z up.
+    /// The content of a file, with z up.
     fn content(&self, file: &ShapeFile) -> Result<Content, ReadError> {
         match read_content(&file.path)? {
             Content::Points(cloud) => {

@@ -38,7 +38,7 @@ pub struct Large {
     shaping: ShapeArguments,
 }
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(serde::Serialize)]
 struct Outcome {
     #[serde(flatten)]

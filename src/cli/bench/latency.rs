@@ -30,7 +30,7 @@ pub struct Latency {
     /// How daemon and readers learn that something has come
     #[arg(long, value_enum, default_value_t = WakeArgument::Event)]
     wake: WakeArgument,
-    /// What the daemon is told of the pose
+    /// The prior knowledge of the pose that observations carry
     #[arg(long, value_enum, default_value_t = PoseArgument::Known)]
     pose: PoseArgument,
     /// Of the load `camera`: objects on the table [default: 6]
@@ -97,7 +97,7 @@ enum WakeArgument {
     Polling,
 }
 
-/// What the daemon is told of the pose.
+/// The prior knowledge of the pose that observations carry.
 #[derive(Clone, Copy, ValueEnum)]
 enum PoseArgument {
     /// Objects stand upright, and it is told so

@@ -133,7 +133,7 @@ impl Query {
         Ok(())
     }
 
-    /// What is asked about, and its description.
+    /// The questions and their description.
     fn objects(&self, model: &Model) -> Result<(Vec<Object>, String), Failure> {
         let (count, dims) = (self.queries as usize, model.dims());
         let names: Vec<&str> = model.class_names().collect();

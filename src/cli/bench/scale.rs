@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Measure how queries and learning grow, on models learned in memory from made-up shapes
 #[derive(Args)]
 pub struct Scale {
-    /// What to vary, separated by commas
+    /// The quantities to vary, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = Sweep::value_variants().iter().copied())]
     only: Vec<Sweep>,
     /// Few small sizes: to see that it works, not to learn from it
@@ -24,7 +24,7 @@ pub struct Scale {
     png: Option<PathBuf>,
 }
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(serde::Serialize)]
 struct Outcome {
     #[serde(flatten)]

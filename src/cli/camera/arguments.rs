@@ -38,10 +38,11 @@ pub struct Camera {
     /// Seconds to wait for a daemon
     #[arg(long, default_value_t = 10.0, value_name = "SECONDS")]
     pub(super) wait: f64,
-    /// Metres per unit of depth images of whatever type [default: 0.001 of whole numbers, 1 of floating-point ones, or what a BOP scene says]
+    /// Metres per unit of depth images of whatever type [default: 0.001 of whole numbers, 1 of floating-point ones, or what a BOP scene
+    /// says]
     #[arg(long, value_name = "METRES")]
     pub(super) depth_scale: Option<f64>,
-    /// What depth images measure: along the optical axis, or the distance along each pixel's ray
+    /// The distance that depth images measure: along the optical axis, or the distance along each pixel's ray
     #[arg(long, value_enum, default_value_t = AlongArgument::Axis, value_name = "WHAT")]
     pub(super) depth_along: AlongArgument,
     /// Values of depth images, in their own units, that are no reading, besides 0, negative ones and the largest of a type of whole numbers
@@ -75,7 +76,7 @@ pub struct Camera {
     /// frame of the folder has them, else table]
     #[arg(long, value_enum, value_name = "BY")]
     pub(super) segment: Option<SegmentArgument>,
-    /// What is known below the support plane
+    /// The assumption about voxels below the support plane
     #[arg(long, value_enum, default_value_t = BelowArgument::Empty, value_name = "WHAT")]
     pub(super) below_support: BelowArgument,
     /// Longest side of the objects, if all have the same
@@ -90,8 +91,8 @@ pub struct Camera {
     /// Half the width of the band in which voxels count as filled, in standard deviations
     #[arg(long, value_name = "N", default_value_t = SensorModel::default().deviations)]
     pub(super) sensor_deviations: f64,
-    /// What is known of the pose. By default objects rest on their support in any way that the model has learned, or stand upright if it has
-    /// learned none
+    /// The prior knowledge of the pose. By default objects rest on their support in any way that the model has learned, or stand upright
+    /// if it has learned none
     #[arg(long, value_enum, default_value_t = PoseArgument::Rest)]
     pub(super) pose: PoseArgument,
     /// Name of the camera's frame [default: that of the camera_info's header, or `camera`]
@@ -118,7 +119,7 @@ pub struct Camera {
     pub(super) png: Option<PathBuf>,
 }
 
-/// What depth images measure.
+/// The distance that depth images measure.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum AlongArgument {
     /// The coordinate along the optical axis
@@ -148,7 +149,7 @@ impl std::str::FromStr for IgnoreArgument {
 /// Where objects come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum SegmentArgument {
-    /// What stands on a plane of the depth image
+    /// The objects that stand on a plane of the depth image
     Table,
     /// The label image or masks
     Labels,
@@ -163,12 +164,12 @@ impl SegmentArgument {
     }
 }
 
-/// What is known of voxels below the support plane.
+/// The assumption about voxels below the support plane.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum BelowArgument {
     /// Nothing of the object is there
     Empty,
-    /// What the image says
+    /// As the image says
     Unknown,
 }
 
@@ -266,7 +267,7 @@ impl Camera {
         })
     }
 
-    /// What all observations have in common.
+    /// The part of the header that all observations have in common.
     pub(super) fn template(&self, dims: [u32; 3]) -> ObservationHeader {
         let pose = match self.pose {
             PoseArgument::Known => PoseSearch::Known,

@@ -25,12 +25,12 @@ pub(super) struct Daemon {
     in_step: bool,
     /// The objects' longest side, if all have the same.
     known_side_m: Option<f64>,
-    /// What was sent and has no answer yet: frame and object.
+    /// The observations without an answer yet: frame and object.
     pending: BTreeMap<u64, (String, u64)>,
     answers: Answers,
 }
 
-/// What became of observations.
+/// The outcome of observations, counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Answers {
     sent: u64,

@@ -30,7 +30,7 @@ impl Files {
         self.written
     }
 
-    /// What was written, in words.
+    /// The number of grids written and their folder, in words.
     pub(super) fn summary(&self) -> String {
         format!("{} grids written to {}", self.written, self.folder.display())
     }

@@ -3,7 +3,7 @@
 use crate::cli::failure::Failure;
 use beo_camera::{Carver, FrameGrids, Quality};
 
-/// What happens to a grid that was laid.
+/// The destinations of grids: the daemon, files, or pictures.
 pub(super) trait Sink {
     /// A frame was taken apart, and its grids follow.
     fn segmented(&mut self, of: &Shown<'_>, grids: &FrameGrids) -> Result<(), Failure>;
@@ -16,7 +16,7 @@ pub(super) trait Sink {
 /// Adds what other frames know of the object.
 pub(super) type Finish<'a> = dyn FnMut(&mut [u8]) -> Result<(), Failure> + 'a;
 
-/// What is said of a frame besides its grids.
+/// The report on a frame, besides its grids.
 pub(super) struct Shown<'a> {
     pub(super) frame: &'a str,
     pub(super) frame_id: &'a str,

@@ -32,7 +32,7 @@ impl Health {
         }
     }
 
-    /// What to do, for people; `None` if all is well.
+    /// The advice for people; `None` if all is well.
     pub fn complaint(self) -> Option<&'static str> {
         match self {
             Health::Healthy => None,

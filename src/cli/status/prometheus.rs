@@ -34,7 +34,7 @@ fn escaped(value: &str) -> String {
     value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }
 
-/// What is said of a daemon that does not run.
+/// The metrics of a daemon that does not run.
 pub fn absent(instance: &InstanceName) -> String {
     let mut metrics = Metrics { instance, text: String::new() };
     up(&mut metrics, false);

@@ -43,7 +43,7 @@ fn count(load: &Value, what: &str) -> u64 {
     load["counts"][what].as_u64().unwrap_or_else(|| panic!("{what}: {load}"))
 }
 
-/// What must hold of every load whatever the machine.
+/// The properties of every load, whatever the machine.
 fn check(report: &Value, load: &Value, readers: usize) {
     assert_eq!(report["stages"], serde_json::json!(STAGES));
     let names: Vec<&str> = load["stages_us"].as_array().unwrap().iter().map(|stage| stage["stage"].as_str().unwrap()).collect();

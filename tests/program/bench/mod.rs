@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// What a benchmark prints with `--json`.
+/// The output of a benchmark with `--json`.
 fn report(arguments: &[&str]) -> Value {
     let output = run(["bench"].iter().chain(arguments).chain(&["--json"]));
     assert!(output.status.success(), "{}", text(&output.stderr));

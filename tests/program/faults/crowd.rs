@@ -217,7 +217,7 @@ impl Crowd {
     }
 }
 
-/// What became of everything that was sent.
+/// The outcome of everything that was sent.
 #[derive(Debug)]
 pub struct Account {
     /// Sent, as the producers said.

@@ -1,4 +1,4 @@
-//! What dead processes left in shared memory and in iceoryx2's folder.
+//! Files that dead processes left in shared memory and in iceoryx2's folder.
 //!
 //! iceoryx2 names everything after ids of 128 bits, in decimal: from the lowest, 32 bits each, seconds, nanoseconds, process and counter.
 

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// Percepts that are read under overload.
 const PERCEPTS: usize = 60;
-/// What memory may grow by while it is flooded, kB.
+/// The most that memory may grow by while it is flooded, kB.
 const ALLOWANCE_KB: u64 = 2048;
 
 #[test]

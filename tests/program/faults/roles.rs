@@ -29,7 +29,7 @@ pub fn fill(loan: &mut Loan, object_id: u64, sequence: u64, search: PoseSearch) 
     (header.object_id, header.pose_search, header.view) = (object_id, search.code(), View::TopDown.code());
 }
 
-/// What another process does.
+/// The part of another process in a test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Sends an observation each so many milliseconds; 0 for as fast as it can.

@@ -15,7 +15,7 @@ pub fn usable() -> Vec<usize> {
 /// Runs `work` with this thread on `cores`, on which whatever it starts stays.
 ///
 /// # Errors
-/// What the system said if it does not allow these cores, and whatever `work` returns.
+/// The system's error if it does not allow these cores, and the result of `work`.
 pub fn pin<T, E: From<std::io::Error>>(cores: &[usize], work: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
     let before = sched_getaffinity(None).map_err(std::io::Error::from)?;
     let mut set = CpuSet::new();

@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// What is timed. The first three make up a query in known pose.
+/// The timed steps. The first three make up a query in known pose.
 pub const STAGES: [&str; 6] = [
     "read and check the bytes",
     "class, known pose",
@@ -28,7 +28,7 @@ const WHOLE: usize = 3;
 /// Rotations are searched for this many observations of a round: they take longer.
 pub const POSES: usize = 2;
 
-/// What was measured.
+/// The measured values.
 #[derive(Clone, Debug, Serialize)]
 pub struct Large {
     /// Stages with their times in microseconds.

@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// What no computation on this machine exceeds.
+/// The limits that no computation on this machine exceeds.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Limits {
     /// Threads of the figures for all threads.

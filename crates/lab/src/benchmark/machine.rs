@@ -42,7 +42,7 @@ impl Machine {
         }
     }
 
-    /// What should make a reader doubt: who else used the machine.
+    /// The reasons for doubt: who else used the machine.
     pub fn warnings(&self, others: Option<Others>) -> Vec<String> {
         let mut warnings = Vec::new();
         if let Some(load) = self.load_average.filter(|load| *load > IDLE_LOAD) {
@@ -123,7 +123,7 @@ impl Activity {
         Some(Self { total: ticks.iter().sum(), idle: idle + waiting, stolen, own })
     }
 
-    /// What others used since `before`. Children count as others until they have ended and were waited for.
+    /// The processor time that others used since `before`. Children count as others until they have ended and were waited for.
     pub fn others_since(&self, before: &Self) -> Others {
         let share = |ticks: u64| ticks as f64 / self.total.saturating_sub(before.total).max(1) as f64;
         let of = |field: fn(&Self) -> u64| field(self).saturating_sub(field(before));
@@ -137,7 +137,7 @@ impl Activity {
 pub struct Circumstances {
     /// The machine.
     pub machine: Machine,
-    /// What should make a reader doubt.
+    /// The reasons for doubt.
     pub warnings: Vec<String>,
     /// Who else used the machine during the runs.
     pub others: Option<Others>,

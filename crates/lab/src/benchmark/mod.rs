@@ -13,7 +13,7 @@
 //! | `large` | queries of large grids, beside a plain read of the basis |
 //! | `scale` | how queries and learning grow |
 //!
-//! What is compared is measured in one run, in turns: other work on the machine slows all of it alike.
+//! All sides of a comparison are measured in one run, in turns: other work on the machine slows all of it alike.
 
 pub mod cores;
 pub mod large;

@@ -98,7 +98,7 @@ pub struct Evaluation {
     pub per_query: Vec<QueryFigures>,
 }
 
-/// What the figures show of one query.
+/// The content of the figures for one query.
 #[derive(Clone, Copy, Debug)]
 pub struct QueryFigures {
     /// Index of the true class.

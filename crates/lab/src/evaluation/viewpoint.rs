@@ -73,7 +73,7 @@ pub struct Posed {
     pub placed: Similarity,
     /// The object in the grid.
     pub object: Occupancy,
-    /// What is seen of it.
+    /// The observation of it.
     pub observation: Observation,
     /// Where the camera was, in voxels from the grid's centre.
     pub camera: Option<Vector3<f64>>,

@@ -89,7 +89,7 @@ impl Pose {
         }
     }
 
-    /// What lies so as seen from here.
+    /// The transform as seen from here.
     pub fn carrying(&self, relative: &Self) -> Self {
         Self {
             rotation: self.rotation * relative.rotation,

@@ -87,7 +87,7 @@ const SPRAYER: Kind = Kind {
     exponent: [2.0, 3.5],
 };
 
-/// What a bottle has besides its body.
+/// The parts of a bottle besides its body.
 #[derive(Clone, Copy, PartialEq)]
 enum Extra {
     Nothing,

@@ -85,7 +85,7 @@ fn field_type(message: &Message, field: &Field) -> String {
     }
 }
 
-/// What the services' attribute `beo.layout` must say.
+/// The value of the services' attribute `beo.layout`.
 fn layouts(text: &mut String) {
     use beo_ipc::layout::Layout;
     use beo_ipc::{CompletionHeader, ObservationHeader, Percept, Status};

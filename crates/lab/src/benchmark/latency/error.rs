@@ -1,4 +1,4 @@
-//! What can go wrong in a measurement of latency.
+//! Errors of a measurement of latency.
 
 use crate::process::ProcessError;
 use beo_camera::GridError;

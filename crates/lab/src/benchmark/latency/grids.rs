@@ -1,4 +1,4 @@
-//! What is sent: views from above of some shapes in some rotations, made before the measurement.
+//! The grids that are sent: views from above of some shapes in some rotations, made before the measurement.
 
 use super::Pose;
 use crate::evaluation::rotations::draw_rotation;
@@ -39,7 +39,7 @@ impl Grids {
         Self { voxels, shapes: shapes.len(), bytes }
     }
 
-    /// What object `object` looks like in frame `frame`: always the same shape where it is tracked, else one after the other.
+    /// The grid of object `object` in frame `frame`: always the same shape where it is tracked, else one after the other.
     pub fn of(&self, pose: Pose, object: u64, frame: u64) -> &[u8] {
         let turns = (self.bytes.len() / (self.voxels * self.shapes).max(1)) as u64;
         let shapes = self.shapes as u64;
@@ -58,7 +58,7 @@ impl Grids {
     /// Hands the grids to another process.
     ///
     /// # Errors
-    /// What the other end's vanishing gives.
+    /// The error if the other end vanishes.
     pub fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
         out.write_all(&self.bytes)
     }
@@ -66,7 +66,7 @@ impl Grids {
     /// Takes them over: the rest of the input.
     ///
     /// # Errors
-    /// What reading gives, or if they do not fit `shapes` grids of `voxels`.
+    /// The error of reading, or one if they do not fit `shapes` grids of `voxels`.
     pub fn read(input: &mut impl Read, voxels: usize, shapes: usize) -> std::io::Result<Self> {
         let mut bytes = Vec::new();
         input.read_to_end(&mut bytes)?;

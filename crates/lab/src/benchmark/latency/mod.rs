@@ -48,7 +48,7 @@ use beo_ipc::PoseSearch;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What the daemon is told of the pose.
+/// The prior knowledge of the pose that observations carry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Pose {
@@ -65,7 +65,7 @@ pub enum Pose {
 }
 
 impl Pose {
-    /// What the observations ask for.
+    /// The tasks of the observations.
     pub fn search(self) -> PoseSearch {
         match self {
             Self::Known => PoseSearch::Known,
@@ -76,12 +76,12 @@ impl Pose {
     }
 }
 
-/// What is measured.
+/// The measured quantity.
 #[derive(Clone, Debug, Serialize)]
 pub struct Settings {
     /// The model file that is served.
     pub model: PathBuf,
-    /// What the daemon is told of the pose.
+    /// The prior knowledge of the pose that observations carry.
     pub pose: Pose,
     /// What the load `camera` sees, and how often.
     pub camera: CameraRate,

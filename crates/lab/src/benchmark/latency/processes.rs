@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// What is sent before the measurement: caches, page tables and clock rates as in the long run.
+/// The observations before the measurement: caches, page tables and clock rates as in the long run.
 const WARM_UP_S: f64 = 0.5;
 /// No step takes longer than this beyond its own length; it ends what hangs.
 const PATIENCE: Duration = Duration::from_secs(120);

@@ -1,4 +1,4 @@
-//! What the producer's process does: send what is due, count, and stay until all was answered.
+//! The work of the producer's process: send what is due, count, and stay until all was answered.
 
 use super::Scene;
 use super::load::{Clock, Load, Monotonic, drive};
@@ -16,23 +16,23 @@ use std::time::Duration;
 pub(super) const OPEN: Duration = Duration::from_secs(10);
 /// An answer that has not come after this long will not come.
 const ANSWER_NS: u64 = 10_000_000_000;
-/// What waits at the end of a run is answered within this long, or something is broken.
+/// The longest wait for the last answers at the end of a run; beyond, something is broken.
 const SETTLE: Duration = Duration::from_secs(60);
 
-/// What to send; the grids follow it.
+/// The settings of a producer; the grids follow them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ProducerPlan {
     /// The daemon's instance.
     pub instance: String,
     /// In what rhythm.
     pub load: Load,
-    /// What [`Load::Camera`] sees, and how often.
+    /// The scene and the rate of [`Load::Camera`].
     pub camera: CameraRate,
-    /// What is said of the pose.
+    /// The prior knowledge of the pose.
     pub pose: Pose,
     /// How answers are waited for where they set the pace.
     pub wake: Wake,
-    /// What is sent first and not measured.
+    /// The observations that are sent first and not measured.
     pub warm_up_s: f64,
     /// Length of the measurement.
     pub seconds: f64,
@@ -42,7 +42,7 @@ pub struct ProducerPlan {
     pub shapes: usize,
 }
 
-/// What became of it, as producer and daemon counted.
+/// The outcome, as producer and daemon counted it.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Sent {
     /// Observations sent.
@@ -62,7 +62,7 @@ pub struct Sent {
 /// Sends as planned, until done or `stop` is set.
 ///
 /// # Errors
-/// What the channels give, or that the daemon does not come to rest.
+/// The errors of the channels, and one if the daemon does not come to rest.
 pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<Sent, LatencyError> {
     let instance = InstanceName::new(&plan.instance)?;
     let mut template = ObservationHeader::new(plan.dims);

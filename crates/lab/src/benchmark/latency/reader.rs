@@ -1,4 +1,4 @@
-//! What a reader's process does: take every percept and its completion, and note when.
+//! The work of a reader's process: take every percept and its completion, and note when.
 
 use super::producer::OPEN;
 use super::record::{Record, from_stamp};
@@ -14,7 +14,7 @@ const MOST_PER_SECOND: f64 = 20_000.0;
 /// Longest sleep before it is seen that the end has come.
 const LONGEST_WAIT: Duration = Duration::from_millis(50);
 
-/// What to read.
+/// The settings of a reader.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ReaderPlan {
     /// The daemon's instance.
@@ -28,7 +28,7 @@ pub struct ReaderPlan {
 /// Calls `ready` when subscribed, then reads until `stop` is set.
 ///
 /// # Errors
-/// What the channels or `ready` give.
+/// The errors of the channels or of `ready`.
 pub fn read(plan: &ReaderPlan, stop: &AtomicBool, ready: impl FnOnce() -> std::io::Result<()>) -> Result<Vec<Record>, LatencyError> {
     let subscriber = Subscriber::open_within(&InstanceName::new(&plan.instance)?, &SubscriberOptions { completion: true }, OPEN)?;
     let mut records = Vec::with_capacity((plan.seconds * MOST_PER_SECOND) as usize);

@@ -9,18 +9,18 @@ pub const STAGES: [&str; 10] = ["due", "laid", "written", "received", "projected
 /// Place of `written` among the stages.
 const WRITTEN: usize = 2;
 
-/// What travels as the sensor's own stamp, which the percept repeats: when the grids were laid (0 if they were not), and whether the
+/// The content of the sensor's own stamp, which the percept repeats: when the grids were laid (0 if they were not), and whether the
 /// observation counts.
 pub(super) fn to_stamp(laid_ns: u64, counted: bool) -> u64 {
     laid_ns << 1 | u64::from(counted)
 }
 
-/// What [`to_stamp`] was told.
+/// The arguments of [`to_stamp`].
 pub(super) fn from_stamp(stamp: u64) -> (u64, bool) {
     (stamp >> 1, stamp & 1 == 1)
 }
 
-/// What a reader notes of one percept.
+/// A reader's notes on one percept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Record {
     /// The observation's number.
@@ -49,7 +49,7 @@ impl Record {
         self.between(WRITTEN, STAGES.len() - 1)
     }
 
-    /// What each stage after the first took.
+    /// The duration of each stage after the first.
     pub fn stages_ns(&self) -> [u64; STAGES.len() - 1] {
         std::array::from_fn(|stage| self.between(stage, stage + 1))
     }

@@ -1,4 +1,4 @@
-//! What the camera of the load `camera` sees: blocks on a table, rendered from their planes.
+//! The scene of the load `camera`: blocks on a table, rendered from their planes.
 
 use beo_camera::{Frame, Intrinsics};
 use nalgebra::{Matrix3, Point3, Vector3};

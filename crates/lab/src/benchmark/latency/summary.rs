@@ -12,11 +12,11 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// What one run gave.
+/// The measurement of one run.
 pub struct Run {
     /// As producer and daemon counted.
     pub sent: Sent,
-    /// What each reader noted.
+    /// The notes of each reader.
     pub readers: Vec<Vec<Record>>,
 }
 
@@ -100,7 +100,7 @@ impl Counts {
     }
 }
 
-/// What one stage took.
+/// The durations of one stage.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageFigures {
     /// The stage that ended.
@@ -110,7 +110,7 @@ pub struct StageFigures {
     pub took: Percentiles,
 }
 
-/// What one load gave.
+/// The measurement of one load.
 #[derive(Clone, Debug, Serialize)]
 pub struct LoadReport {
     /// The load's name.
@@ -125,7 +125,7 @@ pub struct LoadReport {
     pub frame_to_grids_us: Option<Percentiles>,
     /// `latency_us` of each run.
     pub runs: Vec<Percentiles>,
-    /// What each stage took, microseconds.
+    /// The duration of each stage, microseconds.
     pub stages_us: Vec<StageFigures>,
     /// The observation of median latency: microseconds from when it was due to the end of each stage.
     pub median_observation_us: Map<String, Value>,
@@ -188,7 +188,7 @@ fn median_observation<'a>(records: impl Iterator<Item = &'a Record>) -> Map<Stri
     STAGES.iter().zip(record.stamps_ns).map(|(stage, stamp)| (stage.to_string(), since_due(stamp))).collect()
 }
 
-/// What was measured, on what, and how far to trust it.
+/// The measurement, its machine, and how far to trust it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Which benchmark.
@@ -208,7 +208,7 @@ pub struct Report {
     pub shared: Vec<String>,
     /// The stages' names, in order.
     pub stages: [&'static str; STAGES.len()],
-    /// What each load gave.
+    /// The measurement of each load.
     pub loads: Vec<LoadReport>,
 }
 

@@ -1,4 +1,4 @@
-//! What the answer to a query reads and computes at least, so that times can be held against the machine.
+//! The least that the answer to a query reads and computes, so that times can be held against the machine.
 //!
 //! Counted is what the answer depends on in the pose that is answered, as it is kept in memory; what a search touches beside it is not. For
 //! class and pose: the hull densities of all classes (mean, and half of the whitening in 16 bits), of the prefix sums of W' in 24

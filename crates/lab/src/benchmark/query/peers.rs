@@ -15,7 +15,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// What a peer does.
+/// The algorithms of peers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Peer {
@@ -58,9 +58,9 @@ pub enum PeerError {
     /// There is no Python with NumPy: the figures are made without it.
     #[error("{python} cannot run the NumPy peers: {why}; give --python, or set BEO_PYTHON, to one with numpy and safetensors")]
     Missing {
-        /// What was tried.
+        /// The attempted operation.
         python: String,
-        /// What it said.
+        /// Its error.
         why: String,
     },
     /// Files cannot be exchanged with it.
@@ -68,7 +68,7 @@ pub enum PeerError {
     Files {
         /// Where.
         folder: PathBuf,
-        /// What the system said.
+        /// The system's words.
         cause: std::io::Error,
     },
     /// It failed.
@@ -85,12 +85,12 @@ pub enum PeerError {
         /// Its file.
         script: &'static str,
     },
-    /// What it gave back cannot be read.
+    /// Its output cannot be read.
     #[error("the peer {script} gave {what}")]
     Output {
         /// Its file.
         script: &'static str,
-        /// What is wrong.
+        /// The fault.
         what: String,
     },
     /// Our own answer failed.
@@ -216,7 +216,7 @@ impl Peers {
         Ok(PeerRun { numpy: answers.numpy, threads: answers.threads, times: Percentiles::of_times(answers.ns), agreement })
     }
 
-    /// What a script prints.
+    /// The output of a script.
     fn ask(&self, script: &'static str, threads: usize, stop: &AtomicBool) -> Result<String, PeerError> {
         let files = |cause| PeerError::Files { folder: self.folder.clone(), cause };
         let missing = |why: String| PeerError::Missing { python: self.python.display().to_string(), why };

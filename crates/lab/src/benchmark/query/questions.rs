@@ -1,4 +1,4 @@
-//! What is asked: observations of turned objects, and what is known of their pose.
+//! The questions: observations of turned objects, and the prior knowledge of their pose.
 
 use crate::evaluation::rotations::draw_rotation;
 use beo_core::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
@@ -8,7 +8,7 @@ use beo_core::simulation::{self, Eye};
 use beo_shapes::furniture;
 use serde::{Deserialize, Serialize};
 
-/// What is known of the pose.
+/// The prior knowledge of the pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Search {
@@ -85,9 +85,9 @@ pub struct Object {
 
 /// A query that is timed.
 pub struct Question {
-    /// What is seen.
+    /// The observation.
     pub observation: Observation,
-    /// What is asked; completion is asked for separately.
+    /// The query; completion is asked for separately.
     pub query: Query,
     /// Index of the true class in the model, if known.
     pub class: Option<usize>,

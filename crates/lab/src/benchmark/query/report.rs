@@ -1,4 +1,4 @@
-//! What was measured of queries: medians over the repeats, ratios, text.
+//! The measurement of queries: medians over the repeats, ratios, text.
 
 use super::floor::Floor;
 use super::peers::Agreement;
@@ -15,17 +15,17 @@ use std::fmt::Write;
 pub struct Row {
     /// A name that no other row has.
     pub name: String,
-    /// What is known of the pose.
+    /// The prior knowledge of the pose.
     pub search: Search,
-    /// What is asked for.
+    /// The tasks of the queries.
     pub task: Task,
-    /// What went before.
+    /// The activity before each query.
     pub condition: Condition,
     /// Medians over the repeats, microseconds.
     pub us: Percentiles,
     /// The median of each repeat, microseconds.
     pub p50_of_repeats_us: Vec<f64>,
-    /// What must be read and computed, mean over the queries.
+    /// The data read and operations computed at least, mean over the queries.
     pub floor: Floor,
     /// Median over the time that reading it takes: from the shared cache when warm, else from memory.
     pub over_bandwidth: f64,
@@ -102,7 +102,7 @@ pub struct Report {
     pub circumstances: Circumstances,
     /// How fast it can go at most.
     pub limits: Limits,
-    /// What was asked about, for people.
+    /// The questions, for people.
     pub about: String,
     /// Different queries of each kind.
     pub queries: usize,
@@ -112,7 +112,7 @@ pub struct Report {
     pub rows: Vec<Row>,
     /// Others.
     pub peers: Vec<PeerRow>,
-    /// What was left out, and why.
+    /// The parts left out, and why.
     pub skipped: Vec<String>,
 }
 

@@ -20,9 +20,9 @@ pub struct Line {
 /// Measurements over one size.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Series {
-    /// What was varied.
+    /// The varied quantity.
     pub name: String,
-    /// What was kept.
+    /// The quantities kept fixed.
     pub setting: String,
     /// Why the expected exponents are what they are.
     pub why: String,
@@ -36,7 +36,7 @@ impl Line {
         Self::of(name, "µs", expected, points)
     }
 
-    /// What was measured in some unit, with the exponent that fits it.
+    /// The measured quantity in its unit, with the exponent that fits it.
     pub fn of(name: &str, unit: &'static str, expected: f64, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), unit, exponent: exponent(&points), expected, points }
     }

@@ -7,7 +7,7 @@ use beo_core::learning::{TrainError, TrainOptions, train};
 use beo_core::model::Model;
 use rayon::prelude::*;
 
-/// What a model is made of.
+/// The sizes that a model is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Recipe {
     /// Voxels along each side of the grid, 8 to 256.
@@ -42,7 +42,7 @@ impl Recipe {
         self.learn_from(&self.shapes())
     }
 
-    /// What it is learned from.
+    /// The shapes that it is learned from.
     pub fn shapes(&self) -> ShapeSet {
         let dims = self.dims();
         let count = self.shapes.unwrap_or(SHAPES * self.basis + MORE_SHAPES);
@@ -63,7 +63,7 @@ impl Recipe {
         train(shapes, &options, &|_| ())
     }
 
-    /// What is seen from above of shapes that the model has not learned from, one class after the other.
+    /// Views from above of shapes that the model has not learned from, one class after the other.
     pub fn observations(&self, count: usize) -> Vec<Observation> {
         let unseen = |i: usize| shapes::make(self.dims(), i % self.classes, 1_000_000 + i as u64);
         (0..count).into_par_iter().map(|i| View::Top.of(&unseen(i))).collect()

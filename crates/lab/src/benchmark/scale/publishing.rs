@@ -5,7 +5,7 @@ use super::queries::microseconds;
 use beo_ipc::{InstanceName, ObservationHeader, Percept, Server, ServerOptions, Subscriber, SubscriberOptions};
 use std::time::{Duration, Instant};
 
-/// What is told apart: sending, and then reading by all subscribers, one after the other.
+/// The separate phases: sending, and then reading by all subscribers, one after the other.
 pub const STAGES: [&str; 2] = ["sent", "read by all"];
 
 /// Longest wait of a subscriber for the daemon's end, which is there before it.

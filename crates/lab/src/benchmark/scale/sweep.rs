@@ -1,4 +1,4 @@
-//! What is varied, and over which sizes.
+//! The varied quantity, and its sizes.
 
 use super::error::ScaleError;
 use super::growth::{Line, Series};
@@ -18,7 +18,7 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What is varied.
+/// The varied quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Sweep {
     /// Number of classes
@@ -58,7 +58,7 @@ const QUICK: Effort =
 pub struct Scale {
     quick: bool,
     effort: Effort,
-    /// What the effort's recipe gives, once it was needed.
+    /// The result of the effort's recipe, once it was needed.
     perceiver: OnceCell<Arc<Perceiver>>,
 }
 
@@ -244,14 +244,14 @@ impl Recipe {
 /// Hides a share of a shape's voxels.
 type Hide = fn(&Occupancy, f64) -> Observation;
 
-/// What is seen of a shape when all below a level is hidden.
+/// The observation of a shape of which all below a level is hidden.
 fn below_a_level(shape: &Occupancy, share: f64) -> Observation {
     let z = shape.dims().z();
     let hidden = (share * z as f64).round() as usize;
     observe(shape, |voxel| voxel % z >= hidden)
 }
 
-/// What is seen of a shape when voxels are hidden at random.
+/// The observation of a shape of which voxels are hidden at random.
 fn scattered(shape: &Occupancy, share: f64) -> Observation {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     observe(shape, |_| rng.random_range(0.0..1.0) >= share)

@@ -10,7 +10,7 @@ use std::fs::write;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What is measured of a model, with units; memory is that of the whole process.
+/// The measured quantities of a model, with units; memory is that of the whole process.
 pub const MEASURES: [(&str, &str); 5] =
     [("learning", "s"), ("learning", "MB"), ("basis W'", "MB"), ("answering", "MB"), ("query in known pose", "µs")];
 

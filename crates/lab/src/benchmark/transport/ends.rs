@@ -1,4 +1,4 @@
-//! What a sending and a receiving end do, whatever the means.
+//! The tasks of a sending and a receiving end, whatever the means.
 
 use super::plan::{Wake, Work};
 use crate::benchmark::limits::sum;
@@ -39,9 +39,9 @@ pub enum TransportError {
     /// Plain iceoryx2 failed.
     #[error("iceoryx2 could not {what}: {cause}")]
     Raw {
-        /// What was tried.
+        /// The attempted operation.
         what: &'static str,
-        /// What it said.
+        /// Its error.
         cause: String,
     },
     /// The other process did not start, or failed.
@@ -53,22 +53,22 @@ pub enum TransportError {
     /// The system failed.
     #[error("cannot {what}: {cause}")]
     System {
-        /// What was tried.
+        /// The attempted operation.
         what: &'static str,
-        /// What it said.
+        /// Its error.
         cause: std::io::Error,
     },
     /// The other process is silent.
     #[error("the other process of the benchmark has not answered for {} s; its own message, if any, stands above", PATIENCE.as_secs())]
     Silent,
-    /// What arrived is not what was sent.
+    /// The received bytes differ from the sent ones.
     #[error("a grid of {bytes} bytes arrived damaged: they give {found}, not {expected}")]
     Damaged {
         /// Its size.
         bytes: usize,
-        /// What the reader made of it.
+        /// The reader's result.
         found: u64,
-        /// What it should be.
+        /// The expected result.
         expected: u64,
     },
     /// Someone asked it to end.
@@ -103,11 +103,11 @@ pub(super) struct Received {
     pub sent_ns: u64,
     /// When its reader had done its work.
     pub done_ns: u64,
-    /// What came of it: the sum of the bytes, or the number of filled voxels and of known ones.
+    /// The result: the sum of the bytes, or the number of filled voxels and of known ones.
     pub value: u64,
 }
 
-/// What the reader does with grids of one size.
+/// The reader's work on grids of one size.
 pub(super) struct Reader<'a> {
     observation: Observation,
     stop: &'a AtomicBool,
@@ -178,7 +178,7 @@ pub(super) fn fill(work: Work, count: usize) -> Option<u8> {
     (work != Work::Pointer).then(|| [0, 1, UNKNOWN][count % 3])
 }
 
-/// What the reader makes of a grid of `bytes` bytes filled so.
+/// The reader's result for a grid of `bytes` bytes filled so.
 pub(super) fn expected(work: Work, fill: Option<u8>, bytes: usize) -> u64 {
     let bytes = bytes as u64;
     match (work, fill) {

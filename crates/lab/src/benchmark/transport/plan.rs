@@ -1,4 +1,4 @@
-//! What is handed over, how, how often, in which order. Both processes follow the same plan, so they need not talk about it.
+//! The plan of a measurement: payload, means, repeats and order. Both processes follow the same plan, so they need not talk about it.
 
 pub use crate::benchmark::wake::Wake;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ pub enum Way {
     Pipe,
 }
 
-/// What is done with the payload.
+/// The reader's work on the payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Work {
@@ -36,7 +36,7 @@ pub enum Work {
 pub struct Exchange {
     /// By which means.
     pub way: Way,
-    /// What is done with the payload.
+    /// The reader's work on the payload.
     pub work: Work,
     /// How the reader learns of it.
     pub wake: Wake,
@@ -63,7 +63,7 @@ impl Exchange {
     }
 }
 
-/// What is measured.
+/// The measured quantity.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Plan {
     /// Sides of the cubic grids, voxels; one byte each.
@@ -74,12 +74,12 @@ pub struct Plan {
     pub repeats: usize,
 }
 
-/// What the reading process is told.
+/// The instructions for the reading process.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReaderPlan {
     /// Of channels and socket; nobody else uses it.
     pub name: String,
-    /// What is measured.
+    /// The measured quantity.
     pub plan: Plan,
 }
 

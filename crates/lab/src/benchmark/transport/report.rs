@@ -1,4 +1,4 @@
-//! What was measured of transports: medians over the repeats, ratios, text and chart.
+//! The measurement of transports: medians over the repeats, ratios, text and chart.
 
 use super::plan::{Exchange, Plan, Wake, Way, Work, bytes};
 use crate::benchmark::machine::Circumstances;
@@ -26,7 +26,7 @@ pub struct Cell {
 /// A ratio of medians measured in the same repeats.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ratio {
-    /// What is divided by what.
+    /// Numerator and denominator.
     pub what: String,
     /// One value per size.
     pub by_size: Vec<f64>,
@@ -42,11 +42,11 @@ pub struct Report {
     pub circumstances: Circumstances,
     /// Whether sender and reader had a core each.
     pub pinned: bool,
-    /// What was asked for.
+    /// The requested measurement.
     pub plan: Plan,
-    /// What was measured, by size.
+    /// The measured values, by size.
     pub cells: Vec<Cell>,
-    /// What it means.
+    /// The ratios that the times come down to.
     pub ratios: Vec<Ratio>,
 }
 

@@ -16,7 +16,7 @@ use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// What the reader is given to fall asleep before the next grid.
+/// The time for the reader to fall asleep before the next grid.
 const PAUSE: Duration = Duration::from_micros(100);
 /// Bytes that the pipe may hold: what Linux allows everyone.
 const PIPE_BYTES: usize = 1 << 20;

@@ -4,7 +4,7 @@ use crate::evaluation::metrics::iou;
 use beo_core::grid::{Observation, Occupancy};
 use beo_core::learning::Shape;
 
-/// What the training shapes of a class offer for one observation.
+/// The baselines that the training shapes of a class give for one observation.
 pub struct Baselines<'a> {
     observation: &'a Observation,
     /// Number of the shapes.

@@ -79,13 +79,13 @@ impl CompletionErrors {
     pub const MERITS: [Merit; 3] = [("iou_unknown", |e| e.iou_unknown, false), ("iou_all", |e| e.iou_all, false), ("l2", |e| e.l2, true)];
 }
 
-/// What was seen of a left-out shape and how it was completed, for pictures: turned so that the viewer is above ([`OneView::place`]).
+/// The observation of a left-out shape and its completion, for pictures: turned so that the viewer is above ([`OneView::place`]).
 pub struct Example<'a> {
     /// The errors.
     pub errors: &'a LeftOut,
     /// The shape itself.
     pub truth: &'a Occupancy,
-    /// What was seen of it.
+    /// The observation of it.
     pub observation: &'a Observation,
     /// Our completion: a probability per voxel.
     pub completion: &'a [f32],
