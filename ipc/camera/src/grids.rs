@@ -329,7 +329,7 @@ impl Observer {
         let mut smooth = depth.clone();
         for (object, masked, local, mut quality) in found {
             let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
-            quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, own.pixels(object));
+            quality.cut = cut(&rays, &depth, &cleaned, &joint, own.pixels(object), local.as_ref().map(|local| &local.plane));
             let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
                 let least = options.placement.least_readings.max(1);
                 if masked < least {
