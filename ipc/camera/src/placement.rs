@@ -3,7 +3,8 @@
 //! The rule: z is up; x is the horizontal direction in which the camera looks at the object, so that the camera is on the side of −x. A
 //! box along these axes is laid about the object's readings, without the outermost half percent on each side and without readings that
 //! have no neighbours (edges). It reaches down to the support plane if the lowest reading is near it, or if what is below the readings is
-//! not seen: the sides of dark and glossy things have none. The grid's centre is the box's, and the box's longest side is [`Placement::share`] of the grid's shortest: what is hidden may extend further.
+//! not seen: the sides of dark and glossy things have none. The grid's centre is the box's, and the box's longest side is
+//! [`Placement::share`] of the grid's shortest: what is hidden may extend further.
 
 use crate::{Frame, Grid, GridError, Plane, Segments, SensorModel};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
