@@ -184,11 +184,27 @@ def _has_neighbours(depth, labels, sensor):
     return alike >= 2
 
 
+def _is_unseen_below(depth, labels, camera, object_label, points, up, support):
+    """Whether most of what is between readings and the plane below them has no reading: the sides of dark and glossy things."""
+    points = points[:: -(-len(points) // 100)]
+    heights = support.height(points) / max(support.normal @ up, 0.1)
+    below = np.concatenate([points - np.outer(share * heights, up) for share in (0.25, 0.5, 0.75)])
+    below = below[below[:, 2] > 0]
+    u = camera.fx * below[:, 0] / below[:, 2] + camera.cx + 0.5
+    v = camera.fy * below[:, 1] / below[:, 2] + camera.cy + 0.5
+    inside = (u >= 0) & (v >= 0) & (u < depth.shape[1]) & (v < depth.shape[0])
+    pixels = v[inside].astype(int) * depth.shape[1] + u[inside].astype(int)
+    reading = depth.ravel()[pixels]
+    is_read = (reading > 0) & np.isfinite(reading)
+    unseen, seen = np.count_nonzero(~is_read), np.count_nonzero(is_read & (labels.ravel()[pixels] != object_label))
+    return unseen >= 20 and unseen >= 0.6 * (unseen + seen)
+
+
 def place_grid(depth, labels, camera, object_label, dims, support=None, up=None, sensor=Sensor(), share=2 / 3, known_side_m=None):
     """The grid about an object, or None if it has fewer than 40 readings.
 
     Upright, x away from the camera; its centre is that of the box about the readings without the outermost half percent on each side, which
-    reaches down to the support plane if they end near it. The box's longest side is `share` of the grid's shortest; or, if the object's
+    reaches down to the support plane if they end near it, or if what is below them has no readings. The box's longest side is `share` of the grid's shortest; or, if the object's
     longest side is known, that is 0.8 of it.
     """
     pixels = _readings(depth, labels == object_label)
@@ -211,7 +227,8 @@ def place_grid(depth, labels, camera, object_label, dims, support=None, up=None,
     if support is not None:
         foot = axes @ [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
         gap = support.height(foot) / max(support.normal @ up, 0.1)
-        if gap <= max(0.02, 0.3 * (high[2] - low[2])):
+        is_unseen = gap <= 0.35 and _is_unseen_below(depth, labels, camera, object_label, points, up, support)
+        if gap <= max(0.02, 0.3 * (high[2] - low[2])) or is_unseen:
             low[2] = min(low[2] - gap, high[2])
     longest, side = (high - low).max(), min(dims)
     if not longest > 0:

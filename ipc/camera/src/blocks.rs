@@ -21,6 +21,8 @@ pub struct Block {
     pub weight: f64,
 }
 
+/// From this side on, pixels, a square is looked at in every other row.
+const LARGE_SIDE: usize = 8;
 /// Share of a square's pixels that must have a reading.
 const LEAST_FILLED: f64 = 0.5;
 /// A square with more scatter than so many standard deviations of the sensor shows no flat surface.
@@ -36,6 +38,8 @@ pub fn flat_blocks(rays: &Rays, depth: &[f32], sensor: &SensorModel, wanted: imp
     let (width, height) = (rays.width(), rays.height());
     let side = side(width);
     let reference = sensor.deviation(1.0);
+    // Of large squares every other row is enough.
+    let step = if side >= LARGE_SIDE { 2 } else { 1 };
     let mut blocks = Vec::new();
     for top in (0..height).step_by(side) {
         for left in (0..width).step_by(side) {
@@ -45,7 +49,7 @@ pub fn flat_blocks(rays: &Rays, depth: &[f32], sensor: &SensorModel, wanted: imp
             let mut sums = [0.0_f32; 10];
             let (mut low, mut high) = (f32::INFINITY, 0.0_f32);
             let mut origin = 0.0;
-            for v in top..(top + side).min(height) {
+            for v in (top..(top + side).min(height)).step_by(step) {
                 #[allow(clippy::needless_range_loop)] // the pixel indexes the rays too, and is asked about
                 for pixel in v * width + left..v * width + (left + side).min(width) {
                     let z = depth[pixel];
@@ -61,10 +65,11 @@ pub fn flat_blocks(rays: &Rays, depth: &[f32], sensor: &SensorModel, wanted: imp
                     sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
                 }
             }
-            if f64::from(sums[0]) < LEAST_FILLED * (side * side) as f64 || high > 1.25 * low {
+            if f64::from(sums[0]) < LEAST_FILLED * (side * side.div_ceil(step)) as f64 || high > 1.25 * low {
                 continue;
             }
-            blocks.extend(fit(&sums.map(f64::from), [x0, y0].map(f64::from), f64::from(origin), sensor, reference));
+            let fitted = fit(&sums.map(f64::from), [x0, y0].map(f64::from), f64::from(origin), sensor, reference);
+            blocks.extend(fitted.map(|block| Block { weight: step as f64 * block.weight, ..block }));
         }
     }
     blocks

@@ -1,6 +1,8 @@
 //! What cuts an object off in the image: its border, or something nearer.
 
 use crate::joining::Joint;
+use crate::rays::Rays;
+use crate::support::Plane;
 
 /// What cuts an object off in the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,11 +19,16 @@ const BLIND: usize = 12;
 const BEYOND: isize = 3;
 /// A band without readings between an object and what hides it is at most so wide, metres at the object: the shadow of the one on the other.
 const SHADOW_M: f32 = 0.03;
+/// What lies no higher above the object's support, metres, is the support and hides nothing: before an object whose side has no readings it
+/// is nearer than what is seen of the object.
+const SUPPORT_M: f64 = 0.012;
 /// Share of an object's edge along which something nearer must lie.
 const LEAST_SHARE: f64 = 0.08;
 
-/// What cuts off the object with these `pixels` in a depth image of `width` × `height` pixels, all of whose own have its label.
-pub fn cut(depth: &[f32], labels: &[u16], [width, height]: [usize; 2], joint: &Joint, pixels: &[u32]) -> Cut {
+/// What cuts off the object with these `pixels` that stands on `support`, all of whose own have its label.
+pub fn cut(rays: &Rays, depth: &[f32], labels: &[u16], joint: &Joint, pixels: &[u32], support: Option<&Plane>) -> Cut {
+    let (width, height) = (rays.width(), rays.height());
+    let is_support = |pixel: usize| support.is_some_and(|plane| plane.height(&rays.point(pixel, depth[pixel]).cast().into()) < SUPPORT_M);
     let mut found = Cut::default();
     let (mut edge, mut hidden) = (0_usize, 0_usize);
     for pixel in pixels {
@@ -44,7 +51,8 @@ pub fn cut(depth: &[f32], labels: &[u16], [width, height]: [usize; 2], joint: &J
             let widest = BEYOND.max((SHADOW_M / joint.pitch(z).max(1e-6)).min(width as f32) as isize);
             let beyond = (BEYOND..=widest).map_while(inside).find(|beyond| depth[*beyond] > 0.0);
             if let Some(beyond) = beyond {
-                hidden += usize::from(labels[beyond] != label && depth[beyond] > 0.0 && z - depth[beyond] > 2.0 * joint.reach(z));
+                let is_nearer = labels[beyond] != label && z - depth[beyond] > 2.0 * joint.reach(z);
+                hidden += usize::from(is_nearer && !is_support(beyond));
             }
             if !found.border && depth[beside] == 0.0 {
                 let side = if right == 0 { height } else { width };
@@ -61,14 +69,14 @@ pub fn cut(depth: &[f32], labels: &[u16], [width, height]: [usize; 2], joint: &J
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rays::Rays;
     use crate::{Intrinsics, SensorModel};
 
     #[test]
     fn what_is_nearer_hides_beyond_a_shadow_too() {
         let hidden_beyond = |shadow: usize| {
             let camera = Intrinsics::new(120, 90, [400.0; 2], [59.5, 44.5], [0.0; 5]).unwrap();
-            let joint = Joint::new(&Rays::new(&camera), &SensorModel::default());
+            let rays = Rays::new(&camera);
+            let joint = Joint::new(&rays, &SensorModel::default());
             let mut depth = vec![1.3_f32; 120 * 90];
             let mut labels = vec![0_u16; depth.len()];
             for pixel in 0..depth.len() {
@@ -80,7 +88,7 @@ mod tests {
                 }
             }
             let pixels: Vec<u32> = (0..depth.len() as u32).filter(|pixel| labels[*pixel as usize] == 1).collect();
-            cut(&depth, &labels, [120, 90], &joint, &pixels).occluder
+            cut(&rays, &depth, &labels, &joint, &pixels, None).occluder
         };
         assert!(hidden_beyond(0) && hidden_beyond(9), "9 pixels are 2.2 cm");
         assert!(!hidden_beyond(20), "5 cm away lies something else");
@@ -89,8 +97,14 @@ mod tests {
     /// What cuts a square of label 1 at 1 m, from column `left` on, with something at `near` metres over its right half if that is above 0,
     /// and no reading in the first `blind` columns.
     fn of(left: usize, near: f32, blind: usize) -> Cut {
+        standing(left, near, blind, None)
+    }
+
+    /// As [`of`], where the square stands on a support.
+    fn standing(left: usize, near: f32, blind: usize, support: Option<&Plane>) -> Cut {
         let camera = Intrinsics::new(120, 90, [110.0; 2], [59.5, 44.5], [0.0; 5]).unwrap();
-        let joint = Joint::new(&Rays::new(&camera), &SensorModel::default());
+        let rays = Rays::new(&camera);
+        let joint = Joint::new(&rays, &SensorModel::default());
         let mut depth = vec![1.3_f32; 120 * 90];
         let mut labels = vec![0_u16; depth.len()];
         for pixel in 0..depth.len() {
@@ -106,7 +120,7 @@ mod tests {
             }
         }
         let pixels: Vec<u32> = (0..depth.len() as u32).filter(|pixel| labels[*pixel as usize] == 1).collect();
-        cut(&depth, &labels, [120, 90], &joint, &pixels)
+        cut(&rays, &depth, &labels, &joint, &pixels, support)
     }
 
     #[test]
@@ -117,5 +131,13 @@ mod tests {
         assert_eq!(of(40, 0.0, 6), Cut::default(), "a blind strip far away is not");
         assert_eq!(of(40, 0.8, 0), Cut { border: false, occluder: true });
         assert_eq!(of(40, 1.25, 0), Cut::default());
+    }
+
+    #[test]
+    fn the_support_hides_nothing_and_what_stands_on_it_does() {
+        let at = |z: f64| Plane::new(-nalgebra::Vector3::z_axis(), &nalgebra::Point3::new(0.0, 0.0, z));
+        // What is at 0.8 m is the support, or rises 5 cm above it.
+        assert_eq!(standing(40, 0.8, 0, Some(&at(0.8))), Cut::default());
+        assert_eq!(standing(40, 0.8, 0, Some(&at(0.85))), Cut { border: false, occluder: true });
     }
 }

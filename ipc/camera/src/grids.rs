@@ -11,7 +11,7 @@ use crate::rays::Rays;
 use crate::scene::Scene;
 use crate::segments::Segments;
 use crate::supports::{SupportSearch, Supports, find_supports, find_table, local_support, only_up};
-use crate::tables::{Segmentation, segment};
+use crate::tables::{SegmentScratch, Segmentation, segment};
 use crate::tracking::SegmentTracks;
 use crate::{Frame, Intrinsics, Plane, SensorModel};
 use nalgebra::{Unit, Vector3};
@@ -225,13 +225,14 @@ pub struct Observer {
     options: GridOptions,
     rays: Option<Rays>,
     state: Vec<u8>,
+    segments: SegmentScratch,
     tracks: SegmentTracks,
 }
 
 impl Observer {
     /// With these options.
     pub fn new(options: GridOptions) -> Self {
-        Self { options, rays: None, state: Vec::new(), tracks: SegmentTracks::default() }
+        Self { options, rays: None, state: Vec::new(), segments: SegmentScratch::default(), tracks: SegmentTracks::default() }
     }
 
     /// The options.
@@ -265,7 +266,7 @@ impl Observer {
         let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
         let supports = find_table(rays, depth, &self.options.sensor, &search);
         let mut labels = match &supports {
-            Some(supports) => segment(rays, depth, &self.options.sensor, supports),
+            Some(supports) => segment(rays, depth, &self.options.sensor, supports, &mut self.segments),
             None => vec![0; depth.len()],
         };
         self.tracks.renumber(rays, depth, &mut labels);
@@ -328,7 +329,7 @@ impl Observer {
         let mut smooth = depth.clone();
         for (object, masked, local, mut quality) in found {
             let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
-            quality.cut = cut(&depth, &cleaned, [rays.width(), rays.height()], &joint, own.pixels(object));
+            quality.cut = cut(&rays, &depth, &cleaned, &joint, own.pixels(object), local.as_ref().map(|local| &local.plane));
             let lay = |up: Option<Unit<Vector3<f64>>>| -> Result<Grid, NoGrid> {
                 let least = options.placement.least_readings.max(1);
                 if masked < least {

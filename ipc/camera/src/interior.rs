@@ -6,7 +6,7 @@
 //! the table beside a foot lies outside of the hull.
 
 use crate::joining::{FOUR, neighbours};
-use crate::plan_view::{PlanView, convex_hull, inside_by};
+use crate::plan_view::{PlanView, Sides, convex_hull};
 use crate::scene::{LocalSupport, Scene};
 use nalgebra::Vector2;
 
@@ -46,11 +46,11 @@ pub fn enclosed(
     let view = PlanView::of(&support.plane.normal().into_inner().cast());
     let at = |pixel: u32| view.see(&scene.rays.point(pixel as usize, scene.depth[pixel as usize]));
     let tops: Vec<Vector2<f32>> = high.iter().step_by(high.len().div_ceil(MOST_HIGH).max(1)).map(|pixel| at(*pixel)).collect();
-    let hull = convex_hull(tops.clone());
+    let hull = Sides::of(&convex_hull(tops.clone()));
     let is_inside = |pixel: u32| {
         let z = scene.depth[pixel as usize];
         let margin = (INSIDE_PIXELS * scene.rays.pitch(z)).max((INSIDE_DEVIATIONS * scene.sensor.deviation(f64::from(z))) as f32);
-        inside_by(&hull, &at(pixel)) > margin
+        hull.is_inside(&at(pixel), margin)
     };
     let candidates: Vec<(u32, f32)> = low.iter().copied().filter(|(pixel, _)| is_inside(*pixel)).collect();
     low.iter().for_each(|(pixel, _)| state[*pixel as usize] = done);

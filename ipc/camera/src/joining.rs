@@ -33,7 +33,10 @@ impl Joint {
     /// The largest difference at a depth, metres.
     #[inline]
     pub fn reach(&self, depth: f32) -> f32 {
-        LEAST_STEP_M.max(self.constant + self.quadratic * depth * depth).max(self.slope * depth)
+        // By comparisons: `max` asks for what is not a number as well, and this is asked for every pixel.
+        let (noise, slope) = (self.constant + self.quadratic * depth * depth, self.slope * depth);
+        let reach = if noise > LEAST_STEP_M { noise } else { LEAST_STEP_M };
+        if slope > reach { slope } else { reach }
     }
 
     /// How far apart neighbouring pixels see at a depth, metres.
@@ -45,7 +48,7 @@ impl Joint {
     /// Whether two neighbouring readings lie on one surface.
     #[inline]
     pub fn joins(&self, a: f32, b: f32) -> bool {
-        (a - b).abs() <= self.reach(a.min(b))
+        (a - b).abs() <= self.reach(if a < b { a } else { b })
     }
 }
 

@@ -13,7 +13,8 @@
 //! | `planes`, `supports` | the planes of a frame; those that objects stand on, and what is up |
 //! | `plan_view`, `table_surface` | points as seen from above a plane; a table as the sensor bends it, and its outline |
 //! | `tables`, `tracking` | objects without masks: what stands on a plane; their numbers from frame to frame |
-//! | `joining`, `own_readings` | which neighbours lie on one surface; which readings of a mask are the object's own |
+//! | `joining`, `links`, `own_readings` | which neighbours lie on one surface; which readings of a mask are the object's own |
+//! | `regions` | pixels that hang together along rows and columns |
 //! | `interior` | low readings that an object encloses: the floors of vessels |
 //! | `consensus`, `cut` | the surface by neighbouring readings; what cuts an object off |
 //! | `grids` | the one road, from a frame to the grids of all its objects |
@@ -37,12 +38,14 @@ mod interior;
 mod intrinsics;
 mod joining;
 mod lens;
+mod links;
 mod own_readings;
 mod parallel;
 mod placement;
 mod plan_view;
 mod planes;
 mod rays;
+mod regions;
 mod scene;
 mod segments;
 mod sensor;

@@ -2,8 +2,9 @@
 //!
 //! The rule: z is up; x is the horizontal direction in which the camera looks at the object, so that the camera is on the side of −x. A
 //! box along these axes is laid about the object's readings, without the outermost half percent on each side and without readings that
-//! have no neighbours (edges). It reaches down to the support plane if the lowest reading is near it. The grid's centre is the box's, and
-//! the box's longest side is [`Placement::share`] of the grid's shortest: what is hidden may extend further.
+//! have no neighbours (edges). It reaches down to the support plane if the lowest reading is near it, or if what is below the readings is
+//! not seen: the sides of dark and glossy things have none. The grid's centre is the box's, and the box's longest side is
+//! [`Placement::share`] of the grid's shortest: what is hidden may extend further.
 
 use crate::{Frame, Grid, GridError, Plane, Segments, SensorModel};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -61,6 +62,13 @@ const TRIMMED: f64 = 0.005;
 /// The box reaches down to the support plane over this, metres, or over this share of its height.
 const CONTACT: f64 = 0.02;
 const CONTACT_SHARE: f64 = 0.3;
+
+/// What is not seen below the readings is the object's down to the plane over this at most, metres.
+const MOST_UNSEEN: f64 = 0.35;
+/// Readings below which is looked, at most, each at three heights; the least number of pixels without reading there, and their share.
+const MOST_DROPPED: usize = 100;
+const LEAST_UNSEEN: usize = 20;
+const UNSEEN_SHARE: f64 = 0.6;
 
 /// The grid of `dims` voxels for an object, by the rule above.
 pub fn place(
@@ -120,7 +128,8 @@ pub fn place_in(
         // Up need not be the plane's normal: its height where the object stands.
         let foot = Point3::from(axes * Vector3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, low.z));
         let gap = plane.height(&foot) / plane.normal().dot(up).max(0.1);
-        if gap <= CONTACT.max(CONTACT_SHARE * (high.z - low.z)) {
+        if gap <= CONTACT.max(CONTACT_SHARE * (high.z - low.z)) || gap <= MOST_UNSEEN && is_unseen_below(frame, object, &points, up, plane)
+        {
             low.z = (low.z - gap).min(high.z);
         }
     }
@@ -136,6 +145,24 @@ pub fn place_in(
     let centre = axes * ((low + high) / 2.0);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
     Ok(Grid::new(dims, voxel, Isometry3::from_parts(Translation3::from(centre), rotation))?)
+}
+
+/// Whether most of what is between an object's readings and the plane below them has no reading, and so does not float.
+fn is_unseen_below(frame: &Frame<'_>, object: u16, points: &[Point3<f64>], up: &Unit<Vector3<f64>>, plane: &Plane) -> bool {
+    let (mut unseen, mut seen) = (0_usize, 0_usize);
+    for point in points.iter().step_by(points.len().div_ceil(MOST_DROPPED).max(1)) {
+        let height = plane.height(point) / plane.normal().dot(up).max(0.1);
+        for share in [0.25, 0.5, 0.75] {
+            let below = point - up.into_inner() * (share * height);
+            let Some(pixel) = frame.intrinsics().project(&below).and_then(|at| frame.intrinsics().pixel(at)) else { continue };
+            match frame.depth(pixel) {
+                None => unseen += 1,
+                // Behind the object itself nothing can be seen.
+                Some(_) => seen += usize::from(frame.label(pixel) != object),
+            }
+        }
+    }
+    unseen >= LEAST_UNSEEN && unseen as f64 >= UNSEEN_SHARE * (unseen + seen) as f64
 }
 
 /// Grid axes as columns, in the camera frame, for an object at `middle`.

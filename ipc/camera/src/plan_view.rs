@@ -16,6 +16,11 @@ impl PlanView {
         Self { x, y: normal.cross(&x) }
     }
 
+    /// The two axes on the plane.
+    pub fn axes(&self) -> [&Vector3<f32>; 2] {
+        [&self.x, &self.y]
+    }
+
     /// The coordinates of a point.
     #[inline]
     pub fn see(&self, point: &Vector3<f32>) -> Vector2<f32> {
@@ -44,14 +49,37 @@ pub fn convex_hull(mut points: Vec<Vector2<f32>>) -> Vec<Vector2<f32>> {
     hull
 }
 
-/// How far a point lies inside of a convex polygon; negative outside, and where there is no polygon.
-pub fn inside_by(hull: &[Vector2<f32>], point: &Vector2<f32>) -> f32 {
-    if hull.len() < 3 {
-        return -1.0;
+/// The sides of a convex polygon, for asking of many points whether they lie inside.
+#[derive(Clone, Debug, Default)]
+pub struct Sides {
+    /// Of each side the unit normal inwards, and what a point's component along it is on the side.
+    lines: Vec<(Vector2<f32>, f32)>,
+}
+
+impl Sides {
+    /// Of a polygon with these corners, counter-clockwise; fewer than three have no inside.
+    pub fn of(hull: &[Vector2<f32>]) -> Self {
+        if hull.len() < 3 {
+            return Self::default();
+        }
+        let line = |(a, b): (&Vector2<f32>, &Vector2<f32>)| {
+            let along = (b - a) / (b - a).norm().max(1e-9);
+            let inwards = Vector2::new(-along.y, along.x);
+            (inwards, inwards.dot(a))
+        };
+        Self { lines: hull.iter().zip(hull.iter().cycle().skip(1)).map(line).collect() }
     }
-    let sides = hull.iter().zip(hull.iter().cycle().skip(1));
-    let off = sides.map(|(a, b)| (b - a).perp(&(point - a)) / (b - a).norm().max(1e-9));
-    off.fold(f32::INFINITY, f32::min)
+
+    /// How far a point lies inside; negative outside, and where there is no polygon.
+    pub fn inside_by(&self, point: &Vector2<f32>) -> f32 {
+        let off = self.lines.iter().map(|(inwards, at)| inwards.dot(point) - at);
+        off.fold(f32::INFINITY, f32::min).min(if self.lines.is_empty() { -1.0 } else { f32::INFINITY })
+    }
+
+    /// Whether a point lies further inside than a margin.
+    pub fn is_inside(&self, point: &Vector2<f32>, margin: f32) -> bool {
+        !self.lines.is_empty() && self.lines.iter().all(|(inwards, at)| inwards.dot(point) - at > margin)
+    }
 }
 
 /// The area of a convex polygon.
@@ -70,8 +98,11 @@ mod tests {
         let hull = convex_hull(points.iter().map(|[x, y]| Vector2::new(*x, *y)).collect());
         assert_eq!(hull, [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vector2::new(x, y)));
         assert_eq!(area(&hull), 4.0);
-        assert_eq!(inside_by(&hull, &Vector2::new(1.0, 0.25)), 0.25);
-        assert_eq!(inside_by(&hull, &Vector2::new(3.0, 1.0)), -1.0);
-        assert!(inside_by(&hull[..2], &Vector2::new(1.0, 0.0)) < 0.0);
+        let sides = Sides::of(&hull);
+        assert_eq!(sides.inside_by(&Vector2::new(1.0, 0.25)), 0.25);
+        assert_eq!(sides.inside_by(&Vector2::new(3.0, 1.0)), -1.0);
+        assert!(sides.is_inside(&Vector2::new(1.0, 0.25), 0.2) && !sides.is_inside(&Vector2::new(1.0, 0.25), 0.3));
+        let none = Sides::of(&hull[..2]);
+        assert!(none.inside_by(&Vector2::new(1.0, 0.0)) < 0.0 && !none.is_inside(&Vector2::new(1.0, 0.0), -9.0));
     }
 }

@@ -25,6 +25,8 @@ pub struct FoundPlane {
 const TRIPLES: u32 = 400;
 /// Squares that a triple is judged by, at most.
 const JUDGES: usize = 1200;
+/// Squares between two looks at whether a triple can still win.
+const JUDGES_AT_ONCE: usize = 64;
 /// Share of all weight that a plane must hold.
 const LEAST_SHARE: f64 = 0.02;
 /// Squares that a plane must have.
@@ -79,6 +81,7 @@ fn best_of_triples(blocks: &[Block], free: &[usize], sensor: &SensorModel, allow
     let judges: Vec<&Block> = free.iter().step_by(free.len().div_ceil(JUDGES)).map(|i| &blocks[*i]).collect();
     let judged: Vec<(Vector3<f32>, Vector3<f32>, f32, f32)> =
         judges.iter().map(|block| (block.centre.cast(), block.normal.cast(), near_m(block, sensor) as f32, block.weight as f32)).collect();
+    let all: f32 = judged.iter().map(|(.., weight)| weight).sum();
     let pick = |i: u32, axis: usize| {
         let share = ((f64::from(i) + 1.0) * STEPS[axis]).fract();
         &blocks[free[((share * free.len() as f64) as usize).min(free.len() - 1)]]
@@ -94,14 +97,20 @@ fn best_of_triples(blocks: &[Block], free: &[usize], sensor: &SensorModel, allow
         }
         let plane = Plane::new(normal, &Point3::from(a));
         let (n, offset) = (normal.into_inner().cast::<f32>(), plane.height(&Point3::origin()) as f32);
-        let weight: f32 = judged
-            .iter()
-            .map(|(centre, own, near, weight)| {
-                let is_near = (n.dot(centre) + offset).abs() < *near && n.dot(own) > ALIKE as f32;
-                if is_near { *weight } else { 0.0 }
-            })
-            .sum();
-        if weight > best.map_or(0.0, |(most, _)| most) {
+        let most = best.map_or(0.0, |(most, _)| most);
+        let (mut weight, mut left) = (0.0, all);
+        for some in judged.chunks(JUDGES_AT_ONCE) {
+            for (centre, own, near, own_weight) in some {
+                let is_near = ((n.dot(centre) + offset).abs() < *near) & (n.dot(own) > ALIKE as f32);
+                weight += if is_near { *own_weight } else { 0.0 };
+                left -= own_weight;
+            }
+            // With all that is left, it would not be the best.
+            if weight + left < most {
+                break;
+            }
+        }
+        if weight > most {
             best = Some((weight, plane));
         }
     }

@@ -1,6 +1,6 @@
 //! The directions in which the pixels of a camera look, computed once per camera.
 
-use crate::{Frame, Intrinsics};
+use crate::{Frame, Intrinsics, Lens};
 use nalgebra::Vector3;
 
 /// For every pixel the direction that it sees, with z = 1: a reading of z metres there is the point z times this.
@@ -16,6 +16,15 @@ impl Rays {
     pub fn new(intrinsics: &Intrinsics) -> Self {
         let (width, height) = (intrinsics.width() as usize, intrinsics.height() as usize);
         let (mut x, mut y) = (Vec::with_capacity(width * height), Vec::with_capacity(width * height));
+        if intrinsics.lens() == Lens::Straight {
+            let along = |pixel: [f64; 2]| intrinsics.unproject(pixel).map_or([f32::NAN; 2], |ray| [ray.x as f32, ray.y as f32]);
+            let columns: Vec<f32> = (0..width).map(|u| along([u as f64, 0.0])[0]).collect();
+            for v in 0..height {
+                x.extend_from_slice(&columns);
+                y.extend(std::iter::repeat_n(along([0.0, v as f64])[1], width));
+            }
+            return Self { intrinsics: *intrinsics, x, y };
+        }
         for v in 0..height {
             for u in 0..width {
                 // Pixels that the lens leaves dark show nothing.

@@ -5,7 +5,7 @@
 //! as a plate. The outline is the convex hull of those readings.
 
 use crate::own_readings::percentile;
-use crate::plan_view::{PlanView, convex_hull, inside_by};
+use crate::plan_view::{PlanView, Sides, convex_hull};
 use crate::rays::Rays;
 use crate::support::Plane;
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
@@ -36,7 +36,7 @@ pub struct TableSurface {
     middle: Vector2<f32>,
     scale: f32,
     bend: [f32; TERMS],
-    outline: Vec<Vector2<f32>>,
+    outline: Sides,
     /// Scatter of the table's readings about the bent surface, metres: one standard deviation.
     pub deviation_m: f32,
 }
@@ -55,7 +55,7 @@ impl TableSurface {
             points.map(|p| (view.see(&p), f64::from(normal.dot(&p) + offset))).filter(|(_, h)| h.abs() < MOST_BENT_M).collect();
         let middle = near.iter().map(|(at, _)| at).sum::<Vector2<f32>>() / near.len().max(1) as f32;
         let scale = near.iter().map(|(at, _)| (at - middle).amax()).fold(0.05, f32::max);
-        let mut table = Self { normal, offset, view, middle, scale, bend: [0.0; TERMS], outline: Vec::new(), deviation_m: 0.0 };
+        let mut table = Self { normal, offset, view, middle, scale, bend: [0.0; TERMS], outline: Sides::default(), deviation_m: 0.0 };
         let rows: Vec<(Polynomial, f64, Vector2<f32>)> = near.into_iter().map(|(at, h)| (table.terms(&at).map(f64::from), h, at)).collect();
         let mut bend = Polynomial::zeros();
         let mut reach = MOST_BENT_M;
@@ -80,7 +80,8 @@ impl TableSurface {
             reach = (NEAR_DEVIATIONS * f64::from(table.deviation_m)).clamp(NEAR_LEAST_M, MOST_BENT_M);
         }
         table.bend = std::array::from_fn(|term| bend[term] as f32);
-        table.outline = convex_hull(rows.iter().filter(|(row, h, _)| (h - row.dot(&bend)).abs() < reach).map(|(.., at)| *at).collect());
+        let own = rows.iter().filter(|(row, h, _)| (h - row.dot(&bend)).abs() < reach).map(|(.., at)| *at);
+        table.outline = Sides::of(&convex_hull(own.collect()));
         table
     }
 
@@ -89,12 +90,21 @@ impl TableSurface {
         SVector::from([1.0, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y])
     }
 
-    /// Height of a point above the table, metres.
+    /// Heights of the readings of a row of pixels that look in the directions (x, y, 1), metres; 0 where there is no reading.
+    pub fn heights_of_row(&self, [x, y, z]: [&[f32]; 3], heights: &mut [f32]) {
+        let ([across, along], n) = (self.view.axes(), &self.normal);
+        for (((x, y), z), height) in x.iter().zip(y).zip(z).zip(heights) {
+            let component = |axis: &Vector3<f32>| (axis.x * x + axis.y * y + axis.z) * z;
+            let own = self.height_at(component(n) + self.offset, &Vector2::new(component(across), component(along)));
+            *height = if *z > 0.0 { own } else { 0.0 };
+        }
+    }
+
+    /// The height of what is `above` the plane at a place on it.
     #[inline]
-    pub fn height(&self, point: &Vector3<f32>) -> f32 {
-        let above = self.normal.dot(point) + self.offset;
+    fn height_at(&self, above: f32, place: &Vector2<f32>) -> f32 {
         // Beyond its outline, a cubic would run away.
-        let at = (self.view.see(point) - self.middle) / self.scale;
+        let at = (place - self.middle) / self.scale;
         let [x, y]: [f32; 2] = [at.x.clamp(-1.0, 1.0), at.y.clamp(-1.0, 1.0)];
         let b = &self.bend;
         let bend = b[0] + x * (b[1] + x * (b[3] + x * b[6] + y * b[7]) + y * b[4]) + y * (b[2] + y * (b[5] + x * b[8] + y * b[9]));
@@ -109,7 +119,7 @@ impl TableSurface {
 
     /// How far a point lies inside of the outline, metres, seen along the normal; negative outside.
     pub fn inside_by(&self, point: &Vector3<f32>) -> f32 {
-        inside_by(&self.outline, &self.view.see(point))
+        self.outline.inside_by(&self.view.see(point))
     }
 }
 
@@ -129,8 +139,9 @@ mod tests {
         let depth: Vec<f32> = (0..160 * 120).map(|pixel| 1.0 - bend(pixel) - if is_block(pixel) { 0.05 } else { 0.0 }).collect();
         let plane = Plane::new(-nalgebra::Vector3::z_axis(), &Point3::new(0.0, 0.0, 1.0));
         let table = TableSurface::new(&rays, &depth, &plane);
-        for (pixel, z) in depth.iter().enumerate() {
-            let h = table.height(&rays.point(pixel, *z));
+        let mut heights = vec![0.0; depth.len()];
+        table.heights_of_row([rays.x(), rays.y(), &depth], &mut heights);
+        for (pixel, h) in heights.iter().enumerate() {
             let expected = if is_block(pixel) { 0.05 } else { 0.0 };
             assert!((h - expected).abs() < 0.002, "pixel {pixel}: {h}");
         }
@@ -138,6 +149,7 @@ mod tests {
         assert!(table.inside_by(&Vector3::new(0.0, 0.0, 0.9)) > 0.3 && table.inside_by(&Vector3::new(2.0, 0.0, 1.0)) < 0.0);
         let empty =
             TableSurface::new(&rays, &vec![0.0; depth.len()], &Plane::new(Unit::new_normalize(-nalgebra::Vector3::z()), &Point3::origin()));
-        assert!(empty.height(&Vector3::new(0.0, 0.0, 1.0)).is_finite() && empty.inside_by(&Vector3::zeros()) < 0.0);
+        empty.heights_of_row([rays.x(), rays.y(), &depth], &mut heights);
+        assert!(heights.iter().all(|h| h.is_finite()) && empty.inside_by(&Vector3::zeros()) < 0.0);
     }
 }

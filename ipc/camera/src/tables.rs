@@ -5,10 +5,12 @@
 
 use crate::SensorModel;
 use crate::interior::enclosed;
-use crate::joining::{EIGHT, FOUR, Joint, Piece, nearest, neighbours, pieces, samples};
+use crate::joining::{Joint, Piece, nearest, samples};
+use crate::links::Links;
 use crate::own_readings::percentile;
 use crate::plan_view::{area, convex_hull};
 use crate::rays::Rays;
+use crate::regions::{Regions, Run, Window};
 use crate::scene::{LocalSupport, Scene};
 use crate::supports::Supports;
 use crate::table_surface::TableSurface;
@@ -35,9 +37,9 @@ const LEAST_PIECE: usize = 12;
 const GAP_M: f32 = 0.012;
 const GAP_PIXELS: f32 = 4.0;
 /// Share of the edge of a region without reading that must lie at its object.
-const BESIDE_SHARE: f64 = 0.25;
+const BESIDE_SHARE: f64 = 0.2;
 /// A region is given to a segment that has at least this part of its pixels.
-const MOST_FILL: usize = 4;
+const MOST_FILL: usize = 8;
 /// Steps by which the cores of pieces grow.
 const GROWTH: usize = 4;
 /// A piece that is larger, as a share of the other, is an object of its own, however near.
@@ -65,34 +67,52 @@ const FLOATING_M: f32 = 0.25;
 /// Something small is noise if it is not higher than so many times the least height; small is this area as seen, square metres.
 const SPECK_HEIGHT: f32 = 1.5;
 const SPECK_M2: f32 = 0.001;
+/// Something with fewer readings is a speck if its area as seen is less than this, square metres; with any number, if it is less than the
+/// second: at the edges of parts without readings, sensors see bumps of this size.
+const FEW_READINGS: usize = 200;
+const FEW_M2: f32 = 8e-4;
+const LEAST_M2: f32 = 2.5e-4;
+/// What is longer stands around the table and not on it, metres: walls and furniture.
+const MOST_LENGTH_M: f32 = 0.6;
 /// Readings of an object at least.
 const LEAST_PIXELS: usize = 60;
 
+/// Memory that segmentation needs, kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+pub struct SegmentScratch {
+    heights: Vec<f32>,
+    /// Readings that may be an object's; others are not a number.
+    raised: Vec<f32>,
+    state: Vec<u8>,
+    links: Links,
+}
+
 /// Labels from 1 on of what stands on the supports.
-pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supports) -> Vec<u16> {
+pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supports, scratch: &mut SegmentScratch) -> Vec<u16> {
     let mut labels = vec![0; depth.len()];
     let Some(main) = supports.planes.first() else { return labels };
+    let width = rays.width();
     let table = TableSurface::new(rays, depth, &main.plane);
     // The table's own scatter tells how good the sensor is here; it grows with the distance as the sensor model says.
-    let relative = main.scatter as f32;
-    let mut state = vec![0_u8; depth.len()];
-    let mut wanted = Vec::new();
-    let mut heights = vec![0.0_f32; depth.len()];
-    for (pixel, z) in depth.iter().enumerate().filter(|(_, z)| **z > 0.0) {
-        let h = table.height(&rays.point(pixel, *z));
-        heights[pixel] = h;
-        let deviation = relative * sensor.deviation(f64::from(*z)) as f32;
-        if h > LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * deviation) && h < MOST_HEIGHT_M {
-            state[pixel] = 1;
-            wanted.push(pixel as u32);
-        }
+    let deviations = HEIGHT_DEVIATIONS * main.scatter as f32;
+    let (constant, quadratic) = (deviations * sensor.constant_m as f32, deviations * sensor.quadratic_per_m as f32);
+    let SegmentScratch { heights, raised, state, links } = scratch;
+    heights.resize(depth.len(), 0.0);
+    raised.resize(depth.len(), f32::NAN);
+    table.heights_of_row([rays.x(), rays.y(), depth], heights);
+    for ((z, h), raised) in depth.iter().zip(&*heights).zip(&mut *raised) {
+        let is_raised = (*h > LEAST_HEIGHT_M.max(constant + quadratic * z * z)) & (*h < MOST_HEIGHT_M);
+        *raised = if is_raised { *z } else { f32::NAN };
     }
-    let joint = Joint::new(rays, sensor);
-    let found = pieces_by_core(rays, depth, &joint, &wanted, &mut state);
+    state.clear();
+    state.extend(raised.iter().map(|z| if z.is_nan() { 0 } else { WANTED }));
+    let wanted: Vec<u32> = (0..depth.len() as u32).filter(|pixel| state[*pixel as usize] == WANTED).collect();
+    links.find(raised, width, &Joint::new(rays, sensor));
+    let found = pieces_by_core(links, &wanted, state);
     let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
     let (mut next, mut standing) = (1_u16, Vec::new());
     for piece in found {
-        if piece.pixels.len() < LEAST_PIXELS || !stands_on(rays, depth, &table, &heights, &piece) {
+        if piece.pixels.len() < LEAST_PIXELS || !stands_on(rays, depth, &table, heights, &piece) {
             continue;
         }
         piece.pixels.iter().for_each(|pixel| labels[*pixel as usize] = next);
@@ -100,16 +120,19 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
         next = next.saturating_add(1);
     }
     let support = LocalSupport { plane: main.plane, deviation_m: f64::from(table.deviation_m) };
-    let mut floors = Floors { rays, depth, sensor, support, heights: &heights, state };
-    floors.state.fill(0);
+    state.fill(0);
+    let mut floors = Floors { rays, depth, sensor, support, heights, state };
     let standing = bridged(&mut floors, &table, standing, &mut labels);
     for (i, piece) in standing.iter().enumerate().filter(|(_, piece)| !piece.pixels.is_empty()) {
         floors.within(&labels, &piece.pixels).iter().for_each(|pixel| labels[*pixel as usize] = i as u16 + 1);
     }
-    let size = [rays.width(), rays.height()];
+    let all = Window { columns: [0, width], rows: [0, rays.height()] };
     // Dark and glossy sides have no reading: they belong to the one object that they lie at.
-    fill(&mut labels, size, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
-    fill(&mut labels, size, |_| true, 1.0);
+    fill(&mut labels, width, all, |pixel| depth[pixel] == 0.0, BESIDE_SHARE);
+    // What is enclosed lies between what encloses it.
+    if let Some(window) = bounds(&labels, width) {
+        fill(&mut labels, width, window, |_| true, 1.0);
+    }
     labels
 }
 
@@ -187,46 +210,77 @@ impl Outline {
 /// Pairs of labels that meet within a few pixels, along a row or a column.
 fn touching(labels: &[u16], width: usize) -> std::collections::BTreeSet<[u16; 2]> {
     let mut found = std::collections::BTreeSet::new();
-    for (pixel, label) in labels.iter().enumerate().filter(|(_, label)| **label > 0) {
-        for step in [MEETING, MEETING * width] {
-            let is_inside = step >= width || pixel % width + MEETING < width;
-            if let Some(other) = labels.get(pixel + step).filter(|other| is_inside && **other > 0 && *other != label) {
-                found.insert([*label.min(other), *label.max(other)]);
+    let mut last = [0, 0];
+    let mut meet = |a: &[u16], b: &[u16]| {
+        for (a, b) in a.iter().zip(b).filter(|(a, b)| (a != b) & (**a > 0) & (**b > 0)) {
+            let pair = [*a.min(b), *a.max(b)];
+            if pair != last {
+                found.insert(pair);
+                last = pair;
             }
         }
-    }
+    };
+    labels.chunks_exact(width).for_each(|row| meet(row, row.get(MEETING..).unwrap_or(&[])));
+    meet(labels, labels.get(MEETING * width..).unwrap_or(&[]));
     found
 }
 
 /// For each region without readings, the labels that border on it along much of its edge.
 fn around_dark_parts(labels: &[u16], depth: &[f32], [width, height]: [usize; 2]) -> Vec<Vec<u16>> {
     let is_dark = |pixel: usize| labels[pixel] == 0 && depth[pixel] == 0.0;
-    let mut found = Vec::new();
-    let mut seen = vec![false; labels.len()];
-    for start in 0..labels.len() {
-        if seen[start] || !is_dark(start) {
-            continue;
-        }
-        seen[start] = true;
-        let mut region = vec![start];
-        let (mut next, mut edge) = (0, 0_usize);
-        let mut beside = std::collections::BTreeMap::<u16, usize>::new();
-        while let Some(pixel) = region.get(next).copied() {
-            next += 1;
-            for other in neighbours(FOUR, pixel, width, height) {
-                if !is_dark(other) {
-                    edge += 1;
-                    *beside.entry(labels[other]).or_default() += 1;
-                } else if !seen[other] {
-                    seen[other] = true;
-                    region.push(other);
+    let regions = Regions::find(width, Window { columns: [0, width], rows: [0, height] }, is_dark);
+    let mut edges = vec![0_usize; regions.count()];
+    let mut beside: Vec<(usize, u16)> = Vec::new();
+    for (run, region) in regions.runs() {
+        around(run, width, height, |other| {
+            if !is_dark(other) {
+                edges[region] += 1;
+                if labels[other] > 0 {
+                    beside.push((region, labels[other]));
                 }
             }
+        });
+    }
+    beside.sort_unstable();
+    let mut found: Vec<(usize, Vec<u16>)> = Vec::new();
+    for same in beside.chunk_by(|a, b| a == b) {
+        let (region, label) = same[0];
+        if (same.len() as f64) < BRIDGE_LEAST * edges[region] as f64 {
+            continue;
         }
-        beside.retain(|label, n| *label > 0 && *n as f64 >= BRIDGE_LEAST * edge as f64);
-        if beside.len() > 1 {
-            found.push(beside.into_keys().collect());
+        match found.last_mut().filter(|(last, _)| *last == region) {
+            Some((_, labels)) => labels.push(label),
+            None => found.push((region, vec![label])),
         }
+    }
+    found.into_iter().map(|(_, labels)| labels).filter(|labels| labels.len() > 1).collect()
+}
+
+/// The pixels above, below, to the left and to the right of a run that lie in the image; those beside two of its pixels are given twice.
+fn around(run: &Run, width: usize, height: usize, mut look: impl FnMut(usize)) {
+    let first = run.row * width;
+    if run.start > 0 {
+        look(first + run.start - 1);
+    }
+    if run.end < width {
+        look(first + run.end);
+    }
+    if run.row > 0 {
+        (first - width + run.start..first - width + run.end).for_each(&mut look);
+    }
+    if run.row + 1 < height {
+        (first + width + run.start..first + width + run.end).for_each(&mut look);
+    }
+}
+
+/// The smallest part of the image that holds all labelled pixels.
+fn bounds(labels: &[u16], width: usize) -> Option<Window> {
+    let mut found: Option<Window> = None;
+    for (row, labels) in labels.chunks_exact(width).enumerate() {
+        let Some(first) = labels.iter().position(|label| *label > 0) else { continue };
+        let end = width - labels.iter().rev().position(|label| *label > 0).unwrap_or(0);
+        let Window { columns: [left, right], rows: [top, _] } = found.unwrap_or(Window { columns: [first, end], rows: [row, row] });
+        found = Some(Window { columns: [left.min(first), right.max(end)], rows: [top, row + 1] });
     }
     found
 }
@@ -238,7 +292,7 @@ struct Floors<'a> {
     sensor: &'a SensorModel,
     support: LocalSupport,
     heights: &'a [f32],
-    state: Vec<u8>,
+    state: &'a mut [u8],
 }
 
 impl Floors<'_> {
@@ -250,26 +304,35 @@ impl Floors<'_> {
             [l.min(u), r.max(u), t.min(v), b.max(v)]
         });
         let is_low = |pixel: &usize| labels[*pixel] == 0 && self.depth[*pixel] > 0.0 && self.heights[*pixel].abs() < FLOOR_M;
-        let around = (top..=bottom).flat_map(|v| v * width + left..=v * width + right);
-        let low: Vec<(u32, f32)> = around.filter(is_low).map(|pixel| (pixel as u32, self.heights[pixel])).collect();
+        let mut low: Vec<(u32, f32)> = Vec::new();
+        for v in top..=bottom {
+            low.extend((v * width + left..=v * width + right).filter(is_low).map(|pixel| (pixel as u32, self.heights[pixel])));
+        }
         let joint = Joint::new(self.rays, self.sensor);
         let scene = Scene { rays: self.rays, depth: self.depth, labels, sensor: self.sensor, joint };
-        let found = enclosed(&scene, &self.support, pixels, &low, &mut self.state, [1, 2]);
+        let found = enclosed(&scene, &self.support, pixels, &low, self.state, [1, 2]);
         low.iter().for_each(|(pixel, _)| self.state[*pixel as usize] = 0);
         found
     }
 }
 
-/// Whether a piece lies over the table, reaches down near to it, and is more than noise.
+/// Whether a piece lies over the table, reaches down near to it, and is neither noise nor furniture.
 fn stands_on(rays: &Rays, depth: &[f32], table: &TableSurface, heights: &[f32], piece: &Piece) -> bool {
     let step = piece.pixels.len().div_ceil(OUTLINE_SAMPLES).max(1);
     let some: Vec<u32> = piece.pixels.iter().step_by(step).copied().collect();
     let over = some.iter().filter(|pixel| table.inside_by(&rays.point(**pixel as usize, depth[**pixel as usize])) > -OVER_EDGE_M).count();
     let own: Vec<f32> = some.iter().map(|pixel| heights[*pixel as usize]).collect();
-    let pitch = rays.pitch(depth[piece.pixels[0] as usize]);
+    let points: Vec<Vector3<f32>> = some.iter().map(|pixel| rays.point(*pixel as usize, depth[*pixel as usize])).collect();
+    let pitch = rays.pitch(percentile(&points.iter().map(|point| point.z).collect::<Vec<_>>(), 0.5));
     let area = pitch * pitch * piece.pixels.len() as f32;
-    let is_speck = percentile(&own, 0.9) < SPECK_HEIGHT * LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * table.deviation_m) && area < SPECK_M2;
-    3 * over >= some.len() && percentile(&own, 0.02) < FLOATING_M && !is_speck
+    let is_low = percentile(&own, 0.9) < SPECK_HEIGHT * LEAST_HEIGHT_M.max(HEIGHT_DEVIATIONS * table.deviation_m);
+    let is_speck = is_low && area < SPECK_M2 || area < LEAST_M2 || piece.pixels.len() < FEW_READINGS && area < FEW_M2;
+    let length = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| {
+        let along: Vec<f32> = points.iter().map(|point| point.dot(&axis)).collect();
+        percentile(&along, 0.98) - percentile(&along, 0.02)
+    });
+    let is_long = length.into_iter().fold(0.0, f32::max) > MOST_LENGTH_M;
+    3 * over >= some.len() && percentile(&own, 0.02) < FLOATING_M && !is_speck && !is_long
 }
 
 const WANTED: u8 = 1;
@@ -278,24 +341,18 @@ const DONE: u8 = 3;
 
 /// Pieces whose readings hang together through readings that are joined to all their neighbours, with what borders on them: so that what
 /// is smeared between two objects does not bridge them. What is too thin for that makes pieces of its own.
-fn pieces_by_core(rays: &Rays, depth: &[f32], joint: &Joint, wanted: &[u32], state: &mut [u8]) -> Vec<Piece> {
-    let (width, height) = (rays.width(), rays.height());
-    let is_core = |state: &[u8], pixel: usize| {
-        let z = depth[pixel];
-        let joined = |other: &usize| state[*other] == WANTED && joint.joins(z, depth[*other]);
-        neighbours(EIGHT, pixel, width, height).filter(joined).count() == EIGHT.len()
-    };
-    let core: Vec<u32> = wanted.iter().copied().filter(|pixel| is_core(state, *pixel as usize)).collect();
+fn pieces_by_core(links: &Links, wanted: &[u32], state: &mut [u8]) -> Vec<Piece> {
+    let core: Vec<u32> = wanted.iter().copied().filter(|pixel| links.are_all(*pixel as usize)).collect();
     core.iter().for_each(|pixel| state[*pixel as usize] = CORE);
-    let mut found = pieces(rays, depth, joint, &core, state, CORE, DONE);
+    let mut found = links.pieces(&core, state, CORE, DONE);
     // All grow by the same number of steps, so that each gets what is nearest to it.
     let mut fronts: Vec<Vec<u32>> = found.iter().map(|piece| piece.pixels.clone()).collect();
     for _ in 0..GROWTH {
         for (piece, front) in found.iter_mut().zip(&mut fronts) {
             let mut next = Vec::new();
             for pixel in front.iter() {
-                for other in neighbours(EIGHT, *pixel as usize, width, height) {
-                    if state[other] == WANTED && joint.joins(depth[*pixel as usize], depth[other]) {
+                for other in links.of(*pixel as usize) {
+                    if state[other] == WANTED {
                         state[other] = DONE;
                         next.push(other as u32);
                     }
@@ -305,58 +362,56 @@ fn pieces_by_core(rays: &Rays, depth: &[f32], joint: &Joint, wanted: &[u32], sta
             *front = next;
         }
     }
-    found.extend(pieces(rays, depth, joint, wanted, state, WANTED, DONE));
+    found.extend(links.pieces(wanted, state, WANTED, DONE));
     found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
     found
 }
 
-const UNSEEN: u8 = 0;
-const CLOSED: u8 = 1;
-const OPEN: u8 = 2;
+/// What borders on a region of free pixels.
+#[derive(Clone, Copy, Default)]
+struct Border {
+    pixels: usize,
+    /// It reaches the window's border, or several segments border on it.
+    is_open: bool,
+    edge: usize,
+    beside: usize,
+    /// The segment that borders on it; 0: none yet.
+    label: u16,
+}
 
 /// Gives regions of free pixels to the segment that borders on them along at least a share of their edge, if no other does and they do not
-/// reach the border of the image; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
-fn fill(labels: &mut [u16], [width, height]: [usize; 2], is_free: impl Fn(usize) -> bool, least_share: f64) {
-    let mut sizes = vec![0_usize; usize::from(u16::MAX) + 1];
+/// reach the border of the window; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
+fn fill(labels: &mut [u16], width: usize, window: Window, is_free: impl Fn(usize) -> bool, least_share: f64) {
+    let mut sizes = vec![0_usize; usize::from(labels.iter().copied().max().unwrap_or(0)) + 1];
     labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
-    let largest = MOST_FILL * sizes[1..].iter().max().unwrap_or(&0);
-    let mut seen = vec![UNSEEN; labels.len()];
-    for start in 0..labels.len() {
-        if seen[start] != UNSEEN || labels[start] != 0 || !is_free(start) {
+    let height = labels.len() / width;
+    let regions = Regions::find(width, window, |pixel| labels[pixel] == 0 && is_free(pixel));
+    let mut borders = vec![Border::default(); regions.count()];
+    let ([left, right], [top, bottom]) = (window.columns, window.rows);
+    for (run, region) in regions.runs() {
+        let border = &mut borders[region];
+        border.pixels += run.end - run.start;
+        border.is_open |= run.start == left || run.end == right || run.row == top || run.row + 1 == bottom;
+    }
+    for (run, region) in regions.runs() {
+        let border = &mut borders[region];
+        if border.is_open {
             continue;
         }
-        seen[start] = CLOSED;
-        let mut region = vec![start];
-        let (mut next, mut around, mut is_open) = (0, None, false);
-        let (mut edge, mut beside) = (0_usize, 0_usize);
-        while let Some(pixel) = region.get(next).copied().filter(|_| !is_open) {
-            next += 1;
-            let (u, v) = (pixel % width, pixel / width);
-            is_open |= u == 0 || v == 0 || u + 1 == width || v + 1 == height || region.len() > largest;
-            for other in neighbours(FOUR, pixel, width, height) {
-                match labels[other] {
-                    0 if !is_free(other) => edge += 1,
-                    0 if seen[other] == UNSEEN => {
-                        seen[other] = CLOSED;
-                        region.push(other);
-                    }
-                    0 => is_open |= seen[other] == OPEN,
-                    label => {
-                        (edge, beside) = (edge + 1, beside + 1);
-                        is_open |= around.is_some_and(|known| known != label);
-                        around = Some(label);
-                    }
-                }
+        around(run, width, height, |other| match labels[other] {
+            0 => border.edge += usize::from(!is_free(other)),
+            label => {
+                (border.edge, border.beside) = (border.edge + 1, border.beside + 1);
+                border.is_open |= border.label != 0 && border.label != label;
+                border.label = label;
             }
-        }
-        if is_open {
-            // What is left of the region finds this, and ends there.
-            region.iter().for_each(|pixel| seen[*pixel] = OPEN);
-        }
-        if let Some(label) = around
-            .filter(|label| !is_open && beside as f64 >= least_share * edge as f64 && region.len() < MOST_FILL * sizes[usize::from(*label)])
-        {
-            region.iter().for_each(|pixel| labels[*pixel] = label);
+        });
+    }
+    for (run, region) in regions.runs() {
+        let Border { pixels, is_open, edge, beside, label } = borders[region];
+        let is_beside = label > 0 && !is_open && beside as f64 >= least_share * edge as f64;
+        if is_beside && pixels < MOST_FILL * sizes[usize::from(label)] {
+            labels[run.row * width + run.start..run.row * width + run.end].fill(label);
         }
     }
 }
@@ -406,7 +461,7 @@ mod tests {
     fn segmented(scene: &TestScene) -> Vec<u16> {
         let sensor = SensorModel::default();
         let supports = find_table(&scene.rays, &scene.depth, &sensor, &SupportSearch::default()).unwrap();
-        segment(&scene.rays, &scene.depth, &sensor, &supports)
+        segment(&scene.rays, &scene.depth, &sensor, &supports, &mut SegmentScratch::default())
     }
 
     /// For each thing the largest overlap over union of a segment with it; and the number of segments.

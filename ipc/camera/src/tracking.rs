@@ -24,14 +24,20 @@ impl SegmentTracks {
         let mut sums = vec![(0_usize, Vector3::zeros()); count + 1];
         let mut shared = std::collections::BTreeMap::<(u16, u16), usize>::new();
         let comparable = self.labels.len() == labels.len();
+        // Neighbours mostly have the same label, and had the same one.
+        let (mut pair, mut run) = ((0, 0), 0_usize);
         for (pixel, label) in labels.iter().enumerate().filter(|(_, label)| **label > 0) {
             let (n, sum) = &mut sums[usize::from(*label)];
             *n += 1;
             *sum += rays.point(pixel, depth[pixel]);
-            if comparable && self.labels[pixel] > 0 {
-                *shared.entry((self.labels[pixel], *label)).or_default() += 1;
+            let known = if comparable { self.labels[pixel] } else { 0 };
+            if pair != (known, *label) {
+                *shared.entry(pair).or_default() += run;
+                (pair, run) = ((known, *label), 0);
             }
+            run += 1;
         }
+        *shared.entry(pair).or_default() += run;
         let middle = |label: u16| sums[usize::from(label)].1 / sums[usize::from(label)].0.max(1) as f32;
         // Best matches first: those by overlap before those by place.
         let mut matches: Vec<(bool, f64, u16, u16)> = Vec::new();

@@ -236,6 +236,31 @@ fn from_straight_above_x_is_up_in_the_image() {
 }
 
 #[test]
+fn a_box_whose_sides_have_no_readings_reaches_down_to_the_table() {
+    let size = [0.07, 0.07, 0.2];
+    let view = View::towards([-0.5, 0.0, 0.55], [0.0, 0.0, 0.1], 0.0, [0.0; 2]);
+    let camera = Camera::vga([0.0; 5]);
+    let intrinsics = Intrinsics::new(camera.width, camera.height, camera.focal, camera.centre, camera.distortion).unwrap();
+    let up = Unit::new_normalize(Vector3::from(view.up()));
+    let (depth, labels) = render(&camera, &[(OBJECT, view.cuboid(size, 0.0)), (0, view.table())]);
+    let laid = |behind: f32| {
+        let whole = Frame::new(&intrinsics, &depth, &labels).unwrap();
+        let is_side = |pixel: usize| whole.point(pixel).is_some_and(|point| view.support().height(&point) < 0.19);
+        let is_dark: Vec<bool> = (0..depth.len()).map(|pixel| labels[pixel] == OBJECT && is_side(pixel)).collect();
+        let seen: Vec<f32> = depth.iter().zip(&is_dark).map(|(z, dark)| if *dark { behind } else { *z }).collect();
+        let mask: Vec<u16> = labels.iter().zip(&is_dark).map(|(label, dark)| if *dark { 0 } else { *label }).collect();
+        let frame = Frame::new(&intrinsics, &seen, &mask).unwrap();
+        let grid = place(&frame, OBJECT, &up, Some(&view.support()), &SensorModel::default(), DIMS, &Placement::default()).unwrap();
+        (in_the_world(&view, &grid).0[2], grid.voxel_size_m() * 20.0)
+    };
+    let dark = laid(0.0);
+    assert!((dark.0 - 0.1).abs() < FOOTPRINTS && (dark.1 - 0.2).abs() < 2.0 * FOOTPRINTS, "{dark:?}");
+    // A lid that floats, with the table seen below it, is a lid.
+    let lid = laid(1.0);
+    assert!(lid.0 > 0.18 && lid.1 < 0.1, "{lid:?}");
+}
+
+#[test]
 fn objects_that_are_hardly_seen_have_no_grid_but_a_reason() {
     let camera = Intrinsics::new(64, 48, [60.0, 60.0], [31.5, 23.5], [0.0; 5]).unwrap();
     let up = -Vector3::y_axis();
