@@ -119,8 +119,9 @@ fn pixels<const N: usize, T>(image: &Image, what: &'static str, read: impl Fn([u
 /// # Errors
 /// [`ImageError::Camera`] if it is not calibrated, or has a lens that is not known.
 pub fn intrinsics_of(info: &CameraInfo, is_rectified: bool) -> Result<Intrinsics, ImageError> {
-    let [k, p] = [info.k.map(|value| value), std::array::from_fn(|i| info.p[[0, 1, 2, 4, 5, 6, 8, 9, 10][i]])];
-    let (matrix, lens) = if is_rectified { (p, Lens::Straight) } else { (k, lens_of(&info.distortion_model, &info.d)?) };
+    // The left 3 × 3 of P's 3 × 4.
+    let p = std::array::from_fn(|i| info.p[i + i / 3]);
+    let (matrix, lens) = if is_rectified { (p, Lens::Straight) } else { (info.k, lens_of(&info.distortion_model, &info.d)?) };
     let (focal, centre) = ([matrix[0], matrix[4]], [matrix[2], matrix[5]]);
     if focal == [0.0; 2] {
         let which = if is_rectified { "P" } else { "K" };

@@ -161,7 +161,8 @@ fn publish(arguments: &Arguments, node: &str, shared: &Shared, transport: &Trans
             }
             Err(error) => {
                 health.trouble("daemon", &error);
-                (listening, _) = (None, shared.set_status(None));
+                listening = None;
+                shared.set_status(None);
                 std::thread::sleep(LOOK);
             }
         }

@@ -142,7 +142,8 @@ impl Perceiving {
         *loan.header_mut() = ObservationHeader {
             producer_id: loan.header().producer_id,
             continued_object_id: object,
-            continues: 1,
+            // Numbers of another's masks may mean another object in the next image.
+            continues: u32::from(self.arguments.segmentation == Masks::Own),
             capture_ns: said.arrived_ns,
             sensor_stamp_ns: said.stamp_ns,
             frame_id: said.frame_id,
