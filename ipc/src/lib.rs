@@ -3,6 +3,7 @@
 //! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends; [`ObservationReader`]:
 //!   reads observations beside it, for recorders
 //! - [`reconnect`]: the same two clients' ends, outliving the daemon
+//! - [`relay`]: messages as bytes and stamps of another machine's clock, for relays between machines
 //! - [`control`]: small calls to the daemon, each with an answer
 //! - [`messages`]: what lies in shared memory; [`codes`]: the numbers in it; [`limits`]: its fixed sizes; [`layout`]: its layout as data
 //!   and as a hash; [`text`]: its text fields; [`clock`]: its stamps
@@ -36,6 +37,7 @@ mod peers;
 mod producer;
 mod quaternion;
 pub mod reconnect;
+pub mod relay;
 mod segments;
 mod server;
 mod shared;

@@ -190,6 +190,25 @@ impl Loan {
         let sequence = self.outlet.sent.fetch_add(1, Ordering::Relaxed) + 1;
         let header = self.sample.user_header_mut();
         (header.sequence, header.written_ns) = (sequence, written_ns);
+        self.deliver()
+    }
+
+    /// As [`Loan::send`], but with the header's `sequence` and `written_ns` as they stand: for a relay, which passes on the observations of
+    /// one producer of another machine.
+    ///
+    /// # Errors
+    /// As [`Loan::send`].
+    pub fn forward(self) -> Result<Sent, SendError> {
+        if !self.outlet.readers.ready_to_send(&self.outlet.service, monotonic_ns()) {
+            return Err(SendError::PeerInTheWay);
+        }
+        self.outlet.sent.store(self.header().sequence, Ordering::Relaxed);
+        self.deliver()
+    }
+
+    #[inline]
+    fn deliver(self) -> Result<Sent, SendError> {
+        let sequence = self.header().sequence;
         let readers = self.sample.send().map_err(channel::send_error)?;
         channel::wake(&self.outlet.observed);
         Ok(Sent { sequence, readers })

@@ -198,10 +198,22 @@ impl Server {
     /// [`SendError::Failed`] if iceoryx2 could not deliver it.
     pub fn publish(&self, percept: &Percept) -> Result<(), SendError> {
         let answer_number = self.answers.fetch_add(1, Ordering::Relaxed) + 1;
+        self.forward(&Percept {
+            abi_version: ABI_VERSION,
+            daemon_id: self.daemon_id,
+            answer_number,
+            published_ns: monotonic_ns(),
+            ..*percept
+        })
+    }
+
+    /// Sends a percept as it is, and wakes the subscribers: for a relay, which passes on those of a daemon on another machine.
+    ///
+    /// # Errors
+    /// As [`Server::publish`].
+    pub fn forward(&self, percept: &Percept) -> Result<(), SendError> {
         let loan = self.percepts.loan_uninit().map_err(|error| channel::loan_error(error, size_of::<Percept>(), size_of::<Percept>()))?;
-        let percept =
-            Percept { abi_version: ABI_VERSION, daemon_id: self.daemon_id, answer_number, published_ns: monotonic_ns(), ..*percept };
-        loan.write_payload(percept).send().map_err(channel::send_error)?;
+        loan.write_payload(*percept).send().map_err(channel::send_error)?;
         self.notify();
         Ok(())
     }
@@ -227,16 +239,23 @@ impl Server {
     /// # Errors
     /// [`SendError::Failed`] if iceoryx2 could not deliver it.
     pub fn publish_status(&self, status: &Status) -> Result<(), SendError> {
-        let loan = self.statuses.loan_uninit().map_err(|error| channel::loan_error(error, size_of::<Status>(), size_of::<Status>()))?;
-        let status = Status {
+        self.forward_status(&Status {
             abi_version: ABI_VERSION,
             daemon_id: self.daemon_id,
             pid: std::process::id(),
             answer_number: self.answers.load(Ordering::Relaxed),
             heartbeat_ns: monotonic_ns(),
             ..*status
-        };
-        loan.write_payload(status).send().map_err(channel::send_error)?;
+        })
+    }
+
+    /// Sends a status as it is: for a relay, which passes on those of a daemon on another machine. Wakes nobody.
+    ///
+    /// # Errors
+    /// As [`Server::publish_status`].
+    pub fn forward_status(&self, status: &Status) -> Result<(), SendError> {
+        let loan = self.statuses.loan_uninit().map_err(|error| channel::loan_error(error, size_of::<Status>(), size_of::<Status>()))?;
+        loan.write_payload(*status).send().map_err(channel::send_error)?;
         Ok(())
     }
 
@@ -338,6 +357,14 @@ impl CompletionLoan {
     /// [`SendError::Failed`] if iceoryx2 could not deliver it.
     pub fn send(mut self) -> Result<(), SendError> {
         self.sample.user_header_mut().published_ns = monotonic_ns();
+        self.forward()
+    }
+
+    /// Sends it as it is: for a relay, which passes on those of a daemon on another machine. Wakes nobody.
+    ///
+    /// # Errors
+    /// As [`CompletionLoan::send`].
+    pub fn forward(self) -> Result<(), SendError> {
         self.sample.send().map_err(channel::send_error)?;
         Ok(())
     }

@@ -10,7 +10,36 @@ use iceoryx2::prelude::{FileDescriptorBased as _, ZeroCopySend};
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 
+use crate::messages::{CompletionHeader, ObservationHeader, Percept, Status};
 use crate::node::Ipc;
+
+mod sealed {
+    pub trait Sealed {}
+}
+
+/// The messages that can go elsewhere as bytes. Only here it is said which: integers, floats and arrays of them, without padding (checked by
+/// `layout!`), for which any bytes are a value.
+pub trait Plain: Copy + sealed::Sealed {}
+
+macro_rules! plain {
+    ($($message:ident),+) => { $(impl sealed::Sealed for $message {} impl Plain for $message {})+ };
+}
+plain!(ObservationHeader, Percept, CompletionHeader, Status);
+
+/// The bytes of a message, as they lie in shared memory.
+pub(crate) fn bytes_of<M: Plain>(message: &M) -> &[u8] {
+    // SAFETY: a `Plain` message is `repr(C)` without padding, so that all its bytes are initialised, and bytes need no alignment.
+    unsafe { std::slice::from_raw_parts(std::ptr::from_ref(message).cast(), size_of::<M>()) }
+}
+
+/// The message at the beginning of some bytes; `None` if there are too few.
+pub(crate) fn message_of<M: Plain>(bytes: &[u8]) -> Option<M> {
+    if bytes.len() < size_of::<M>() {
+        return None;
+    }
+    // SAFETY: there are enough bytes, they are read without regard to alignment, and any bytes are a value of a `Plain` message.
+    Some(unsafe { std::ptr::read_unaligned(bytes.as_ptr().cast()) })
+}
 
 /// Takes a copy of a message that another process could still be changing.
 ///

@@ -721,3 +721,25 @@ fn a_clean_exit_leaves_no_segment() {
     let left: Vec<_> = segments.iter().filter(|path| Path::exists(path)).collect();
     assert!(left.is_empty(), "left behind: {left:?}");
 }
+
+#[test]
+fn what_a_relay_forwards_keeps_its_producer_numbers_daemon_and_stamps() {
+    let instance = instance("forward");
+    let server = Server::open(&instance, &ServerOptions::new(DIMS)).unwrap();
+    let subscriber = Subscriber::open(&instance, &WITH_COMPLETION).unwrap();
+    let producer = Producer::open(&instance, &template()).unwrap();
+    let mut loan = producer.loan().unwrap();
+    let header = ObservationHeader { producer_id: 4711, sequence: 99, written_ns: 5, capture_ns: 4, ..*loan.header() };
+    *loan.header_mut() = header;
+    loan.voxels_mut().fill(1);
+    assert_eq!(loan.forward().unwrap().sequence, 99);
+    let observation = eventually("an observation", || server.receive().unwrap());
+    assert_eq!(*observation.header(), header);
+
+    let percept = Percept { daemon_id: 8, answer_number: 77, published_ns: 6, ..Percept::answering(&header) };
+    server.forward(&percept).unwrap();
+    assert_eq!(eventually("a percept", || subscriber.take_percept().unwrap()), percept);
+    let status = Status { daemon_id: 8, heartbeat_ns: 9, pid: 1, ..status() };
+    server.forward_status(&status).unwrap();
+    assert_eq!(eventually("a status", || subscriber.status().unwrap()), status);
+}

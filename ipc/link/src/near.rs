@@ -1,0 +1,190 @@
+//! The end beside the daemon: a subscriber, and a producer for each producer of the other end.
+
+use crate::arguments::Near;
+use crate::keys::Keys;
+use crate::session::{LinkError, open, publisher, zenoh_error};
+use crate::trouble::Troubles;
+use beo_ipc::clock::monotonic_ns;
+use beo_ipc::relay::{from_bytes, to_bytes};
+use beo_ipc::validate::validate;
+use beo_ipc::{InstanceName, ObservationHeader, OpenError, Producer, ReconnectError, ReconnectingSubscriber, SubscriberOptions, Waited};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use zenoh::Wait as _;
+
+/// How often the loop looks whether it is to end.
+const LOOK: Duration = Duration::from_millis(50);
+/// Between two looks at the status.
+const STATUS: Duration = Duration::from_millis(100);
+/// Between two looks after the dead.
+const HOUSEKEEPING: Duration = Duration::from_secs(1);
+/// A producer that was silent for so long has its place taken by another.
+const IDLE: Duration = Duration::from_secs(10);
+/// Producers of the other end at a time; the daemon has places for its own as well.
+const MOST_PRODUCERS: usize = 8;
+
+/// Runs until `stop`.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn run(arguments: &Near, stop: &AtomicBool) -> Result<(), LinkError> {
+    let (keys, troubles) = (Keys::new(&arguments.instance), Arc::new(Troubles::default()));
+    let session = open(&arguments.endpoints)?;
+    let percepts = publisher(&session, &keys.percept, false)?;
+    let completions = publisher(&session, &keys.completion, arguments.drop_completions)?;
+    let statuses = publisher(&session, &keys.status, false)?;
+    let inlet = Arc::new(Mutex::new(Inlet::new(arguments.instance.clone())));
+    let (feeding, complaining) = (inlet.clone(), troubles.clone());
+    let _observations = session
+        .declare_subscriber(&keys.observation)
+        .callback(move |sample| {
+            let taken = feeding.lock().unwrap_or_else(PoisonError::into_inner).feed(&sample.payload().to_bytes());
+            if let Err(error) = taken {
+                complaining.say("observation", &error);
+            }
+        })
+        .wait()
+        .map_err(zenoh_error("cannot subscribe to observations"))?;
+    let answered = keys.clock.clone();
+    let _clock = session
+        .declare_queryable(&keys.clock)
+        .callback(move |query| drop(query.reply(&answered, monotonic_ns().to_le_bytes()).wait()))
+        .wait()
+        .map_err(zenoh_error("cannot answer for the clock"))?;
+    let last_status: Arc<Mutex<Option<Vec<u8>>>> = Arc::default();
+    let (asked, answered) = (last_status.clone(), keys.status.clone());
+    let _status = session
+        .declare_queryable(&keys.status)
+        .callback(move |query| {
+            if let Some(status) = asked.lock().unwrap_or_else(PoisonError::into_inner).clone() {
+                drop(query.reply(&answered, status).wait());
+            }
+        })
+        .wait()
+        .map_err(zenoh_error("cannot answer for the status"))?;
+    eprintln!("beo-link: near end of `{}`", arguments.instance);
+
+    let mut subscriber = None;
+    let (mut status_due, mut housekeeping, mut heartbeat_ns) = (Instant::now(), Instant::now(), 0);
+    let put = |publisher: &zenoh::pubsub::Publisher<'_>, bytes: Vec<u8>| {
+        publisher.put(bytes).wait().map_err(zenoh_error(format!("cannot send {}", publisher.key_expr())))
+    };
+    while !stop.load(Ordering::Relaxed) {
+        let reader = match joined(&mut subscriber, &arguments.instance) {
+            Ok(reader) => reader,
+            Err(error) => {
+                troubles.say("daemon", &error);
+                std::thread::sleep(LOOK);
+                continue;
+            }
+        };
+        let is_there = reader.wait(Some(LOOK.min(status_due.saturating_duration_since(Instant::now()))))? != Waited::NotRunning;
+        while let Some(percept) = reader.take_percept()? {
+            // Its completion is there already, and goes first.
+            while let Some(completion) = reader.take_completion()? {
+                put(&completions, [to_bytes(completion.header()), completion.occupancy(), completion.deviation()].concat())?;
+            }
+            put(&percepts, to_bytes(&percept).to_vec())?;
+        }
+        if Instant::now() >= status_due {
+            status_due = Instant::now() + STATUS;
+            let status = reader.status()?.filter(|_| is_there);
+            *last_status.lock().unwrap_or_else(PoisonError::into_inner) = status.map(|status| to_bytes(&status).to_vec());
+            if let Some(status) = status.filter(|status| status.heartbeat_ns != heartbeat_ns) {
+                heartbeat_ns = status.heartbeat_ns;
+                put(&statuses, to_bytes(&status).to_vec())?;
+            }
+        }
+        if Instant::now() >= housekeeping {
+            housekeeping = Instant::now() + HOUSEKEEPING;
+            inlet.lock().unwrap_or_else(PoisonError::into_inner).maintain();
+        }
+    }
+    session.close().wait().map_err(zenoh_error("cannot close the link"))
+}
+
+/// The reader of the daemon, joined if it is not yet.
+fn joined<'a>(
+    subscriber: &'a mut Option<ReconnectingSubscriber>,
+    instance: &InstanceName,
+) -> Result<&'a mut ReconnectingSubscriber, ReconnectError> {
+    match subscriber {
+        Some(reader) => Ok(reader),
+        none => {
+            let reader = ReconnectingSubscriber::open(instance, &SubscriberOptions { completion: true })?;
+            Ok(none.insert(reader))
+        }
+    }
+}
+
+/// Why an observation from afar is passed over.
+#[derive(Debug, thiserror::Error)]
+enum Passed {
+    #[error("{0} bytes are too few for a header")]
+    Short(usize),
+    #[error(transparent)]
+    Refused(#[from] beo_ipc::Refusal),
+    #[error("{MOST_PRODUCERS} producers of the other end are at work: another has no place before one is silent for {} s", IDLE.as_secs())]
+    TooMany,
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    #[error(transparent)]
+    Loan(#[from] beo_ipc::LoanError),
+    #[error(transparent)]
+    Send(#[from] beo_ipc::SendError),
+}
+
+/// Gives the daemon what comes from the other end.
+struct Inlet {
+    instance: InstanceName,
+    /// By their producer's number and the size of its grids, with the time of the last observation.
+    producers: BTreeMap<(u64, [u32; 3]), (Producer, Instant)>,
+}
+
+impl Inlet {
+    fn new(instance: InstanceName) -> Self {
+        Self { instance, producers: BTreeMap::new() }
+    }
+
+    /// An observation: header, then voxels. What a daemon would refuse by its header is passed over, so that nothing is laid out by it.
+    fn feed(&mut self, bytes: &[u8]) -> Result<(), Passed> {
+        let (header, voxels) = from_bytes::<ObservationHeader>(bytes).ok_or(Passed::Short(bytes.len()))?;
+        validate(&header, voxels.len())?;
+        let key = (header.producer_id, header.dims);
+        // One whose daemon is gone stands in the way of the next daemon.
+        if self.producers.get(&key).is_some_and(|(producer, _)| !producer.daemon_runs()) {
+            self.producers.remove(&key);
+        }
+        if !self.producers.contains_key(&key) {
+            self.make_room()?;
+            let producer = Producer::open(&self.instance, &header)?;
+            self.producers.insert(key, (producer, Instant::now()));
+        }
+        let Some((producer, last)) = self.producers.get_mut(&key) else { return Ok(()) };
+        let mut loan = producer.loan()?;
+        *loan.header_mut() = header;
+        loan.voxels_mut().copy_from_slice(voxels);
+        loan.forward()?;
+        *last = Instant::now();
+        Ok(())
+    }
+
+    fn make_room(&mut self) -> Result<(), Passed> {
+        if self.producers.len() < MOST_PRODUCERS {
+            return Ok(());
+        }
+        let longest = self.producers.iter().min_by_key(|(_, (_, last))| *last).filter(|(_, (_, last))| last.elapsed() > IDLE);
+        let key = *longest.ok_or(Passed::TooMany)?.0;
+        self.producers.remove(&key);
+        Ok(())
+    }
+
+    fn maintain(&mut self) {
+        self.producers.retain(|_, (producer, _)| {
+            producer.maintain();
+            producer.daemon_runs()
+        });
+    }
+}
