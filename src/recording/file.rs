@@ -83,6 +83,8 @@ type Fault = Arc<OnceLock<(ErrorKind, String)>>;
 /// The file, whose first error is remembered.
 struct Sink {
     file: WholeFile,
+    /// Bytes so far.
+    written: u64,
     fault: Fault,
 }
 
@@ -99,8 +101,9 @@ impl Sink {
 
 impl Write for Sink {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.file.write(bytes);
-        self.noting(written)
+        let outcome = self.file.write(bytes);
+        self.written += outcome.as_ref().map_or(0, |count| *count as u64);
+        self.noting(outcome)
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -111,9 +114,19 @@ impl Write for Sink {
 
 impl Seek for Sink {
     fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
-        let place = self.file.seek(position);
+        let place = match (is_stream(&self.file), position) {
+            // Where a pipe or device is, it does not say.
+            (true, SeekFrom::Current(0)) => Ok(self.written),
+            (true, _) => Err(ErrorKind::NotSeekable.into()),
+            (false, position) => self.file.seek(position),
+        };
         self.noting(place)
     }
+}
+
+/// Whether it is a pipe or a device, in which there is no going back: chunks are then held until they are whole.
+fn is_stream(file: &WholeFile) -> bool {
+    file.temporary().is_none()
 }
 
 /// The name of this program in the file's header.
@@ -125,10 +138,11 @@ impl McapFile {
         let fault = Fault::default();
         let cannot_write = |error: io::Error| failure(path, 0, &fault, &error.into());
         let file = WholeFile::create_recoverable(path).map_err(cannot_write)?;
+        let is_stream = is_stream(&file);
         let path = file.temporary().unwrap_or(path).to_owned();
-        let sink = BufWriter::new(Sink { file, fault: fault.clone() });
+        let sink = BufWriter::new(Sink { file, written: 0, fault: fault.clone() });
         let mut started = Self { path, writer: None, fault, messages: 0, sequences: BTreeMap::new() };
-        match WriteOptions::library(WriteOptions::new(), WRITTEN_BY).create(sink) {
+        match WriteOptions::new().library(WRITTEN_BY).disable_seeking(is_stream).create(sink) {
             Ok(writer) => started.writer = Some(writer),
             Err(error) => return Err(started.ended_by(&error)),
         }
@@ -196,7 +210,7 @@ impl McapFile {
         let writer = self.writer.take().ok_or_else(|| ended(&self.path))?;
         let keep = |writer: Writer<BufWriter<Sink>>| {
             let sink = writer.into_inner().into_inner().map_err(io::IntoInnerError::into_error)?;
-            let bytes = sink.file.file().metadata()?.len();
+            let bytes = if is_stream(&sink.file) { sink.written } else { sink.file.file().metadata()?.len() };
             sink.file.keep()?;
             Ok::<_, io::Error>(bytes)
         };

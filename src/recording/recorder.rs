@@ -193,6 +193,32 @@ mod tests {
     }
 
     #[test]
+    fn a_pipe_takes_a_whole_recording_and_a_device_loses_one_without_complaint() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe");
+        let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
+        rustix::fs::mknodat(rustix::fs::CWD, &path, rustix::fs::FileType::Fifo, mode, 0).unwrap();
+        let record = |path: &Path| {
+            let mut recorder = Recorder::create(path, BTreeMap::new()).unwrap();
+            for line in ["one", "two"] {
+                recorder.say(line.into(), 5).unwrap();
+                recorder.flush().unwrap();
+            }
+            recorder.finish().unwrap()
+        };
+        let other_end = std::thread::spawn({
+            let path = path.clone();
+            move || std::fs::read(path)
+        });
+        let recorded = record(&path);
+        let bytes = other_end.join().unwrap().unwrap();
+        assert_eq!((recorded.messages, recorded.bytes), (2, bytes.len() as u64));
+        assert_eq!(mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap).count(), 2);
+        assert!(mcap::Summary::read(&bytes).unwrap().is_some());
+        assert_eq!(record(Path::new("/dev/null")), recorded);
+    }
+
+    #[test]
     fn a_completion_in_the_objects_frame_lies_as_the_object_does() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");

@@ -7,6 +7,7 @@ use faer::{Mat, MatRef, Par};
 
 /// A matrix could not be factorised.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum LinearError {
     /// The eigenvalue iteration did not converge, which happens when an entry is not finite.
     #[error("the eigenvalues of a {0}×{0} matrix did not converge: does it hold infinite or missing values?")]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 /// The content of a file is not what its format promises. Without the file's name: see [`ReadError`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FormatError {
     /// A line of a text file is wrong.
     #[error("{format}, line {line}: {problem}")]
@@ -57,6 +58,7 @@ pub struct AlignmentFileError {
 
 /// A file could not be read as a shape. One line, with the file's name.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// The file cannot be opened or read.
     #[error("cannot read {}: {source}", path.display())]

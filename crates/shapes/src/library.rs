@@ -50,6 +50,7 @@ or for one class DIR/<shape>, for example pliers/0001.off; folders of ShapeNet (
 
 /// A folder that is not a library of shapes, or cannot be learned from.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LibraryError {
     /// A folder cannot be listed.
     #[error("cannot list {}: {source}; {LAYOUT}", path.display())]

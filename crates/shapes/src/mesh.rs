@@ -23,6 +23,7 @@ pub enum Up {
 
 /// A mesh that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MeshError {
     /// Nothing to voxelise.
     #[error("the mesh has no triangle: is it the right file, and was a surface exported?")]

@@ -23,6 +23,7 @@ pub enum Units {
 
 /// A `units.txt` that cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum UnitsError {
     /// It says something else.
     #[error("{path}: `{found}` is no unit: write m, cm, mm or none")]

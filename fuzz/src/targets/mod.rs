@@ -45,7 +45,12 @@ pub const TARGETS: [Target; 24] = [
     Target { name: "scene_camera", run: camera::scene_camera, seeds: camera::scene_camera_seeds, most_bytes: camera::most_bytes_of_text },
     Target { name: "trajectory", run: camera::trajectory, seeds: camera::trajectory_seeds, most_bytes: camera::most_bytes_of_text },
     Target { name: "percept", run: readers::percept, seeds: readers::percept_seeds, most_bytes: readers::most_bytes_of_percept },
-    Target { name: "completion", run: readers::completion, seeds: readers::completion_seeds, most_bytes: readers::most_bytes_of_completion },
+    Target {
+        name: "completion",
+        run: readers::completion,
+        seeds: readers::completion_seeds,
+        most_bytes: readers::most_bytes_of_completion,
+    },
     Target { name: "status", run: readers::status, seeds: readers::status_seeds, most_bytes: readers::most_bytes_of_status },
     Target { name: "reload", run: reload::run, seeds: reload::seeds, most_bytes: reload::most_bytes },
     Target { name: "alignment", run: shapes::alignment, seeds: shapes::alignment_seeds, most_bytes: shapes::most_bytes_of_mesh },

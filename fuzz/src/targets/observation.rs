@@ -51,7 +51,7 @@ fn answer(header: &ObservationHeader, voxels: &[u8]) {
             let found = classified.percept();
             let total: f64 = found.posterior.iter().sum();
             assert!((total - 1.0).abs() < 1e-6, "the posterior sums to {total}");
-            assert!(found.rotation.coords.iter().all(|value| value.is_finite()) && found.rotation_spread_rad.is_finite());
+            assert!(found.rotation_object_to_grid.coords.iter().all(|value| value.is_finite()) && found.rotation_spread_rad.is_finite());
             if classified.complete().is_ok() {
                 assert!(percept.occupancy.iter().all(|p| (0.0..=1.0).contains(p)), "occupancies are probabilities");
             }

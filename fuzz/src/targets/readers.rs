@@ -40,7 +40,8 @@ pub fn completion(data: &[u8]) {
     let halves = payload.split_at(payload.len() / 2);
     // As many as the header says, where that is little.
     let count = header.dims.iter().try_fold(1_usize, |product, side| product.checked_mul(*side as usize)).filter(|count| *count <= 4096);
-    let filled = count.map(|count| payload.iter().copied().cycle().take(if payload.is_empty() { 0 } else { 2 * count }).collect::<Vec<_>>());
+    let filled =
+        count.map(|count| payload.iter().copied().cycle().take(if payload.is_empty() { 0 } else { 2 * count }).collect::<Vec<_>>());
     let filled = filled.as_deref().map(|payload| payload.split_at(payload.len() / 2));
     for (occupancy, deviation) in [Some(halves), filled].into_iter().flatten() {
         for seen_too in [false, true] {
@@ -117,7 +118,11 @@ pub fn percept_seeds() -> Vec<Vec<u8>> {
         percept
     };
     let refused = |status, explanation: &str| Percept { status, explanation: to_field(explanation), ..answered(3) };
-    let pairs = [[answered(1), answered(2)], [answered(u64::MAX), refused(3, "voxel 77 is 9: \u{1b}[2J")], [refused(10, "nothing seen"), answered(9)]];
+    let pairs = [
+        [answered(1), answered(2)],
+        [answered(u64::MAX), refused(3, "voxel 77 is 9: \u{1b}[2J")],
+        [refused(10, "nothing seen"), answered(9)],
+    ];
     pairs.iter().map(|pair| [bytes_of(&pair[0]), bytes_of(&pair[1]), bytes_of(&serving())].concat()).collect()
 }
 

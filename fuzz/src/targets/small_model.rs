@@ -39,6 +39,8 @@ fn learned() -> Model {
     let shapes = ShapeSet {
         classes: CLASSES.map(String::from).to_vec(),
         shapes: (0..CLASSES.len()).flat_map(|class| (0..FEWEST_SHAPES + 8).map(move |seed| shape(class, seed))).collect(),
+        lengths_m: None,
+        fine: None,
     };
     let options = TrainOptions { basis_range: [2, 3], folds: 2, ..TrainOptions::default() };
     let mut model = train(&shapes, &options, &|_| ()).expect("shapes that can be learned");

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 /// A model file cannot be used or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ModelError {
     /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]

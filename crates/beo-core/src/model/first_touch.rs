@@ -14,6 +14,7 @@ const MAPPED_BESIDE: usize = 3;
 
 /// A part of a model file is not what was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Damaged {
     /// It does not match its checksum.
     #[error(
