@@ -55,10 +55,8 @@ impl Regions {
                 while before < above.end && runs[before].end <= start {
                     before += 1;
                 }
-                for other in before..above.end {
-                    if runs[other].start >= column {
-                        break;
-                    }
+                let touching = (before..above.end).take_while(|other| runs[*other].start < column);
+                for other in touching {
                     let (a, b) = (root(&mut parents, other), root(&mut parents, number));
                     parents[a.max(b)] = a.min(b);
                 }
