@@ -51,7 +51,7 @@ pub struct Conditions {
 pub struct Shine {
     /// How far it is turned from the ray, to the right and downwards in the image, radians.
     pub towards_rad: [f64; 2],
-    /// How far a normal may be from it, radians; over as much as [`Self::SOFT_RAD`] beyond, readings become fewer.
+    /// How far a normal may be from it, radians; over 15 degrees beyond, readings become fewer.
     pub within_rad: f64,
 }
 

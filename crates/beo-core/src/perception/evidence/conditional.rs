@@ -21,7 +21,7 @@ pub struct Conditional {
     pub distance2: f64,
     /// Posterior mean of the coefficients, k values.
     pub coefficients: Vec<f32>,
-    /// The posterior in the form in which prediction reads it, after [`ClassSubspace::prepare`].
+    /// The posterior in the form in which prediction reads it, after [`ClassSubspace::prepare`](super::subspace::ClassSubspace::prepare).
     pub posterior: Posterior,
     pub(super) gathered: Vec<f32>,
     /// Gram matrix over the unknown voxels, packed lower triangle.
