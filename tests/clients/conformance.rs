@@ -153,8 +153,9 @@ fn conforms(client: &Client) {
     }
 
     // The next daemon's grids have another size: those of the camera before are refused.
+    // Not SIGINT, which shells have what they start in the background ignore.
     let ended = |running: &mut Running| {
-        running.signal(Signal::INT);
+        running.signal(Signal::TERM);
         running.wait();
     };
     if !client.outlives_other_dims {
