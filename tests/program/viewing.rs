@@ -106,14 +106,19 @@ fn sizes_resting_poses_and_sensors_are_learned_only_where_asked_for() {
     assert_eq!(std::fs::read_to_string(shapes.join("units.txt")).unwrap(), "m\n");
 
     let [plain, again, resting] = ["plain", "again", "resting"].map(|name| at(&format!("{name}.safetensors")));
-    train(&shapes, &plain, "2");
+    let unsized_too = trained(&shapes, &plain, &["--units", "none"]);
+    assert!(unsized_too.status.success(), "{}", text(&unsized_too.stderr));
+    // The folder says its unit, and is believed unless told otherwise.
+    let sized = at("sized.safetensors");
+    train(&shapes, &sized, "2");
     let asked = ["--units", "folder", "--resting", "rest", "--sensors", "mixed"];
     let output = trained(&shapes, &resting, &asked);
     assert!(output.status.success(), "{}", text(&output.stderr));
     std::fs::remove_file(shapes.join("units.txt")).unwrap();
     train(&shapes, &again, "2");
     let has = |path: &Path, word: &[u8]| std::fs::read(path).unwrap().windows(word.len()).any(|at| at == word);
-    assert!(std::fs::read(&plain).unwrap() == std::fs::read(&again).unwrap(), "the unit alone changed the model");
+    assert!(std::fs::read(&plain).unwrap() == std::fs::read(&again).unwrap(), "without a unit the model is the same, whatever says so");
+    assert!(has(&sized, b"size_weight"));
     for word in [&b"camera_components"[..], b"size_weight"] {
         assert_eq!((has(&plain, word), has(&resting, word)), (false, true), "{}", text(word));
     }
