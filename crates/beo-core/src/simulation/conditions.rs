@@ -1,6 +1,5 @@
 //! Conditions under which an object is seen.
 
-use nalgebra::{Rotation3, Vector3};
 use rand::{Rng, RngExt};
 
 /// Surroundings of the object, and faults of sensor and mask. Lengths are shares of the object's longest side.
@@ -28,8 +27,6 @@ pub struct Conditions {
     pub lid: f64,
     /// Share of all surfaces without a reading, in patches: metal and foil mirror the light away.
     pub gloss: f64,
-    /// Where a shiny surface must face to give readings.
-    pub shine: Option<Shine>,
     /// Share of the insides of vessels without a reading, in patches.
     pub inside: f64,
     /// Share of the pixels at the object's outline whose reading lies between it and what is behind.
@@ -44,29 +41,6 @@ pub struct Conditions {
     pub keeps_floors: bool,
     /// Pixels that the longest side spans; `None` for most of the image.
     pub pixels: Option<f64>,
-}
-
-/// The direction that a shiny surface must face to give readings.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shine {
-    /// How far it is turned from the ray, to the right and downwards in the image, radians.
-    pub towards_rad: [f64; 2],
-    /// How far a normal may be from it, radians; over 15 degrees beyond, readings become fewer.
-    pub within_rad: f64,
-}
-
-impl Shine {
-    /// From some readings to none, radians.
-    const SOFT_RAD: f64 = 15.0 * std::f64::consts::PI / 180.0;
-
-    /// Share of the readings that are lost where the surface has this normal and is met by this ray, both of length one in the camera's frame.
-    pub(super) fn lost(&self, normal: &Vector3<f64>, ray: &Vector3<f64>) -> f64 {
-        let [right, down] = self.towards_rad;
-        let facing = if normal.dot(ray) < 0.0 { -normal } else { *normal };
-        let towards = Rotation3::from_axis_angle(&Vector3::x_axis(), -down) * Rotation3::from_axis_angle(&Vector3::y_axis(), right) * ray;
-        let angle = facing.dot(&towards).clamp(-1.0, 1.0).acos();
-        ((angle - self.within_rad) / Self::SOFT_RAD).clamp(0.0, 1.0)
-    }
 }
 
 impl Conditions {
@@ -89,26 +63,5 @@ impl Conditions {
             }
         });
         Self { table, noise, strip, dropout, occluder, ..Self::default() }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Of an upright cylinder ahead, turned 0, 40 and −40 degrees from the camera: with the light to the right only the right side is seen.
-    #[test]
-    fn a_shiny_surface_is_seen_only_where_it_faces() {
-        let ray = Vector3::z();
-        let at = |degrees: f64| {
-            let angle = degrees.to_radians();
-            Vector3::new(angle.sin(), 0.0, angle.cos())
-        };
-        let ahead = Shine { towards_rad: [0.0; 2], within_rad: 30_f64.to_radians() };
-        assert_eq!([0.0, 29.0, -29.0, 46.0, -46.0].map(|degrees| ahead.lost(&at(degrees), &ray)), [0.0, 0.0, 0.0, 1.0, 1.0]);
-        let right = Shine { towards_rad: [30_f64.to_radians(), 0.0], ..ahead };
-        assert_eq!([59.0, 1.0, -20.0].map(|degrees| right.lost(&at(degrees), &ray)), [0.0, 0.0, 1.0]);
-        // A normal has no side.
-        assert_eq!(right.lost(&-at(59.0), &ray), 0.0);
     }
 }

@@ -5,14 +5,13 @@
 //! | noise that neighbours share, steps of depth | Nguyen, Izadi and Lovell, "Modeling Kinect sensor noise", 3DIMPVT 2012 |
 //! | rounded edges and flattened bends | the window over which patterns are matched, nine pixels and more in structured light and stereo |
 //! | no reading at grazing angles, on glossy lids and sides, inside vessels | light that is mirrored away, or blocked by the wall |
-//! | of a shiny surface only what faces one way | projector and camera are apart: of a can half is left, or its lid alone |
 //! | readings between two surfaces at edges | a pixel that sees both |
 //! | masks that are shifted, too wide or too narrow | hand-drawn and learned segmentation |
 //! | the lowest readings are not taken for the object's | they cannot be told from the table's |
 //!
 //! Lengths are in metres here; [`super::Conditions`] has them as shares of the object's longest side.
 
-use super::conditions::{Conditions, Shine};
+use super::conditions::Conditions;
 use rand::{Rng, RngExt};
 
 /// A kind of depth sensor.
@@ -47,11 +46,8 @@ const FOCALS: [f64; 2] = [420.0, 620.0];
 /// Readings lower than this above the table are not told from the table's, metres.
 const CUT_M: [f64; 2] = [0.003, 0.014];
 
-/// How far from the ray a shiny surface may have to face to give a reading: projector and camera are apart, and it mirrors the light of one to the
-/// other there alone. Degrees.
-const SHINE_AWAY_DEG: f64 = 40.0;
-/// How exactly it must face so, degrees.
-const SHINE_WITHIN_DEG: [f64; 2] = [30.0, 75.0];
+/// Angles between normal and ray from which on a shiny surface gives no readings, degrees.
+const SHINY_GRAZING_DEG: [f64; 2] = [35.0, 70.0];
 
 /// Of so many vessels the floor is known for the vessel's.
 const FLOORS_KEPT: f64 = 0.7;
@@ -101,8 +97,10 @@ impl Sensing {
         conditions.lid = if glossy { between([0.2, 1.0]) } else { 0.0 };
         if shiny {
             conditions.gloss = between([0.1, 0.5]);
-            let towards = [between([-1.0, 1.0]), between([-1.0, 1.0])].map(|v: f64| v * SHINE_AWAY_DEG.to_radians());
-            conditions.shine = Some(Shine { towards_rad: towards, within_rad: between(SHINE_WITHIN_DEG).to_radians() });
+            // Light that is mirrored comes back from what faces the sensor alone: of a cylinder a strip is left.
+            let some = between(SHINY_GRAZING_DEG);
+            let shiny = [some, some + 15.0].map(f64::to_radians);
+            conditions.grazing_rad = std::array::from_fn(|n| shiny[n].min(conditions.grazing_rad[n]));
         }
         conditions.inside = if inside { between([0.2, 1.0]) } else { 0.0 };
         conditions.smear = between([0.0, 0.6]);

@@ -8,7 +8,7 @@
 mod conditions;
 mod failures;
 
-pub use conditions::{Conditions, Shine};
+pub use conditions::Conditions;
 pub use failures::{Sensing, SensorKind};
 
 use crate::grid::{Dims, Observation, Occupancy, RayCaster, Rotation};
@@ -104,13 +104,7 @@ impl View {
     /// Takes readings away where surfaces face up, face away or are hidden within a vessel, and blurs the outline.
     fn lose(&mut self, conditions: &Conditions, object: &Occupancy, rng: &mut impl Rng) {
         let [some, all] = conditions.grazing_rad;
-        if all <= 0.0
-            && conditions.lid <= 0.0
-            && conditions.inside <= 0.0
-            && conditions.gloss <= 0.0
-            && conditions.shine.is_none()
-            && conditions.smear <= 0.0
-        {
+        if all <= 0.0 && conditions.lid <= 0.0 && conditions.inside <= 0.0 && conditions.gloss <= 0.0 && conditions.smear <= 0.0 {
             return;
         }
         let hollow = Hollow::new(object);
@@ -132,7 +126,6 @@ impl View {
                 let angle = normal.dot(&ray).abs().min(1.0).acos();
                 let grazed = if all > 0.0 { ((angle - some) / (all - some).max(1e-9)).clamp(0.0, 1.0) } else { 0.0 };
                 is_lost |= chance < grazed;
-                is_lost |= conditions.shine.is_some_and(|shine| chance < shine.lost(&normal, &ray));
                 is_lost |= normal.dot(&up).abs() > 0.85 && lids.at(at) < conditions.lid;
             } else {
                 is_outline = true;
