@@ -126,7 +126,7 @@ fn intake(
             }
             Came::Labels(image) => pairing.labels(image),
             Came::Info(info) => {
-                *camera = Some(Arc::new(info));
+                *camera = Some(Arc::from(info));
                 None
             }
             Came::Broken(error) => {

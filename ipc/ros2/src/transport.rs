@@ -46,7 +46,7 @@ pub enum Came {
     /// A segmentation.
     Labels(Image),
     /// A camera.
-    Info(CameraInfo),
+    Info(Box<CameraInfo>),
     /// Something that is not what its topic says.
     Broken(String),
 }
@@ -118,7 +118,7 @@ impl Transport {
             let executor = smol::LocalExecutor::new();
             executor.spawn(spinner.spin()).detach();
             executor.spawn(pass(depth, Came::Depth, take.clone())).detach();
-            executor.spawn(pass(info, Came::Info, take.clone())).detach();
+            executor.spawn(pass(info, |info| Came::Info(Box::new(info)), take.clone())).detach();
             if let Some(labels) = labels {
                 executor.spawn(pass(labels, Came::Labels, take)).detach();
             }
