@@ -7,11 +7,11 @@ mod report;
 use super::connecting::Connecting;
 use super::failure::Failure;
 use super::observe::seconds;
+use super::stop;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::{InstanceName, Status, Subscriber, SubscriberOptions};
 use clap::Args;
 use health::Health;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// Say how the daemon does
@@ -84,9 +84,8 @@ impl StatusCommand {
     }
 
     fn status(&self, wait: Duration) -> Result<Status, Failure> {
-        // Nothing is to be cleaned up: a signal ends it as it ends any program.
-        let never = AtomicBool::new(false);
-        let connecting = Connecting::within(wait, &self.instance, &never);
+        let stop = stop::on_signal()?;
+        let connecting = Connecting::within(wait, &self.instance, &stop);
         let subscriber = connecting.open(|| Subscriber::open(&self.instance, &SubscriberOptions::default()))?;
         connecting.status(&subscriber)
     }

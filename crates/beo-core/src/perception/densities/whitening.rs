@@ -1,18 +1,23 @@
 //! L⁻¹ of a symmetric positive definite matrix S = L Lᵀ, as queries multiply by it: of all that a query in known pose reads, these
 //! matrices are the most. So they are kept in 16 bits, sixteen rows side by side, so that no sum runs across lanes.
 //!
-//! Two things keep rounding small. The diagonal, several times the rest of its row, is kept apart, in single precision. Columns are
+//! Three things keep rounding small. The diagonal, several times the rest of its row, is kept apart, in single precision. Columns are
 //! multiplied by √S_jj and vectors divided by it, so that each column adds as much to the error as any other. Each row has a scale of
-//! its own. On ModelNet10 this moves no log density of the hull by more than 0.004, and no class posterior by more than 1e-4.
+//! its own. And the values of a row are rounded one after the other, each so that it makes up for the errors of those before as far as what
+//! they are multiplied by goes together (Babai, "On Lovász' lattice reduction and the nearest lattice point problem", Combinatorica 6, 1986). On ModelNet10 this moves no log density of the hull by more than 0.004, and no class posterior by more than 1e-4.
 
 use crate::linear::{LinearError, cholesky, invert_lower};
 use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
 use crate::perception::kernels::large_pages::collapse;
 use faer::Mat;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 
 /// Sums at once, to hide the latency of an addition.
 const SUMS: usize = 4;
+
+/// What is not of the class is spread also where the class is not: by this share of its own spread.
+const LEAST_SPREAD: f64 = 0.1;
 
 /// A whitening transform of vectors of `rank` values.
 pub struct Whitening {
@@ -32,6 +37,7 @@ impl Whitening {
     pub fn new(matrix: &mut Mat<f64>) -> Result<Self, LinearError> {
         let a = matrix.nrows();
         let deviations: Vec<f32> = (0..a).map(|j| matrix[(j, j)].sqrt() as f32).collect();
+        let metric = metric(matrix, &deviations)?;
         cholesky(matrix)?;
         let inverse = invert_lower(matrix.as_ref());
         let entry = |i: usize, j: usize| inverse[(i, j)] * f64::from(deviations[j]);
@@ -41,12 +47,9 @@ impl Whitening {
             scales[i] = (largest / f64::from(i16::MAX)) as f32;
             diagonal[i] = entry(i, i) as f32;
         }
-        let rounded = |i: usize, j: usize| match scales[i] {
-            _ if j >= i || i >= a => 0,
-            // A row of zeros.
-            0.0 => 0,
-            scale => (entry(i, j) / f64::from(scale)).round() as i16,
-        };
+        let mut rows: Vec<Vec<i16>> = Vec::with_capacity(a);
+        (0..a).into_par_iter().map(|i| rounded(i, f64::from(scales[i]), &metric, |j| entry(i, j))).collect_into_vec(&mut rows);
+        let rounded = |i: usize, j: usize| if i >= a || j >= i { 0 } else { rows[i][j] };
         let blocks = (0..a).step_by(LANES);
         let values: Vec<i16> = blocks
             .flat_map(|first| (0..(first + LANES).min(a)).flat_map(move |j| (first..first + LANES).map(move |i| (i, j))))
@@ -97,6 +100,36 @@ impl Whitening {
         }));
         sums.iter().sum()
     }
+}
+
+/// M = C + [`LEAST_SPREAD`] I with the correlations C of what a matrix (lower half) is the covariance of, as its Cholesky factor: how errors
+/// of the values of a row add up.
+fn metric(matrix: &Mat<f64>, deviations: &[f32]) -> Result<Mat<f64>, LinearError> {
+    let correlation = |i: usize, j: usize| matrix[(i, j)] / (f64::from(deviations[i]) * f64::from(deviations[j]));
+    let mut metric = Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| match i.cmp(&j) {
+        Ordering::Less => 0.0,
+        Ordering::Equal => 1.0 + LEAST_SPREAD,
+        Ordering::Greater => correlation(i, j),
+    });
+    cholesky(&mut metric)?;
+    Ok(metric)
+}
+
+/// The first i values of row i as multiples of `scale`: with M = F Fᵀ, ‖Fᵀ e‖² of the errors e is made small from the last value to the first.
+fn rounded(i: usize, scale: f64, metric: &Mat<f64>, value: impl Fn(usize) -> f64) -> Vec<i16> {
+    let mut rounded = vec![0; i];
+    if scale == 0.0 {
+        return rounded;
+    }
+    let mut errors = vec![0.0; i];
+    for j in (0..i).rev() {
+        let exact = value(j) / scale;
+        let factors = &metric.col_as_slice(j)[j..i];
+        let others: f64 = factors[1..].iter().zip(&errors[j + 1..]).map(|(f, e)| f * e).sum();
+        rounded[j] = (exact + others / factors[0]).round().clamp(-f64::from(i16::MAX), f64::from(i16::MAX)) as i16;
+        errors[j] = exact - f64::from(rounded[j]);
+    }
+    rounded
 }
 
 /// Calls the function with the first row and the values of each block of L⁻¹ z.
@@ -172,7 +205,8 @@ mod tests {
                 let largest = (0..i).map(|j| (inverse[(i, j)] * deviation(j)).abs()).fold(0.0, f64::max);
                 (0..a).for_each(|j| {
                     let expected = if j <= i { inverse[(i, j)] } else { 0.0 };
-                    let bound = if j < i { largest / deviation(j) / 6e4 } else { 2e-7 * expected.abs() };
+                    // Rounded once, and moved by what makes up for others.
+                    let bound = if j < i { 3.0 * largest / deviation(j) / 6e4 } else { 2e-7 * expected.abs() };
                     assert!((f64::from(whitening.entry(i, j)) - expected).abs() <= bound, "{a} {i} {j}");
                 });
                 let expected: f64 = (0..=i).map(|j| inverse[(i, j)] * f64::from(z[j])).sum();
@@ -182,5 +216,23 @@ mod tests {
             let found = whitening.norm2(&mut z.clone());
             assert!((found - norm2).abs() < 1e-5 * norm2, "{a}: {found} {norm2}");
         }
+    }
+
+    /// For vectors whose values go together, errors that make up for each other matter less than those of each value rounded by itself.
+    #[test]
+    fn rounding_errors_make_up_for_each_other() {
+        let a = 60;
+        // Neighbours have correlation 0.9, as in a first-order autoregression.
+        let correlation = |i: usize, j: usize| 0.9_f64.powi(i.abs_diff(j) as i32);
+        let matrix = Mat::from_fn(a, a, correlation);
+        let metric = metric(&matrix, &vec![1.0; a]).unwrap();
+        let value = |j: usize| ((j * 7919 % 1009) as f64 / 1009.0 - 0.5) * 40.0;
+        let weighed = |error: &dyn Fn(usize) -> f64| -> f64 {
+            (0..a).flat_map(|i| (0..a).map(move |j| (i, j))).map(|(i, j)| error(i) * correlation(i, j) * error(j)).sum()
+        };
+        let together = rounded(a, 1.0, &metric, value);
+        let apart = weighed(&|j| value(j) - value(j).round());
+        let found = weighed(&|j| value(j) - f64::from(together[j]));
+        assert!(found < 0.4 * apart, "{found} {apart}");
     }
 }
