@@ -61,11 +61,12 @@
 //!
 //! Imports run one way: [`grid`] ← [`model`] ← [`perception`] ← [`learning`], whose calibration scores held-out objects as queries are
 //! scored. [`simulation`] renders what a camera sees of a complete voxel object, [`furniture`] makes up shapes for examples and tests,
-//! [`linear`] wraps the factorisations, [`memory`] says how much memory may be taken, and [`whole_file`] writes files that appear when they are
+//! [`linear`] wraps the factorisations, [`lanes`] compiles arithmetic for the CPU it runs on, [`memory`] says how much memory may be taken, and [`whole_file`] writes files that appear when they are
 //! whole. The crate starts no process and reads no file but the model's.
 
 pub mod furniture;
 pub mod grid;
+pub mod lanes;
 pub mod learning;
 pub mod linear;
 pub mod memory;

@@ -5,6 +5,7 @@
 
 use super::rotation::{Rotation, yaw_of};
 use super::{Dims, Observation, Occupancy, Similarity};
+use crate::lanes::{Kernel, dispatch};
 use fixedbitset::FixedBitSet;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -90,18 +91,8 @@ impl Turn {
         let sides = <[usize; 3]>::from(*dims);
         let middle = sides.map(|side| (side as f64 - 1.0) / 2.0);
         let set_layer = |(i, layer): (usize, &mut [u32])| {
-            for (j, column) in layer.chunks_exact_mut(sides[2]).enumerate() {
-                let (x, y) = (i as f64 - middle[0], j as f64 - middle[1]);
-                let start: [f64; 3] =
-                    std::array::from_fn(|axis| matrix[(axis, 0)] * x + matrix[(axis, 1)] * y + offset[axis] + middle[axis]);
-                for (k, source) in column.iter_mut().enumerate() {
-                    let z = k as f64 - middle[2];
-                    let at: [f64; 3] = std::array::from_fn(|axis| nearest(start[axis] + matrix[(axis, 2)] * z));
-                    let inside = (0..3).all(|axis| at[axis] >= 0.0 && at[axis] < sides[axis] as f64);
-                    let [i, j, k] = at.map(|at| at as usize);
-                    *source = if inside { dims.index(i, j, k) as u32 } else { NOWHERE };
-                }
-            }
+            let x = i as f64 - middle[0];
+            dispatch(LayerSources { matrix, offset, sides, middle, x, layer });
         };
         let layer = sides[1] * sides[2];
         if dims.voxels() <= ALONE {
@@ -162,6 +153,45 @@ impl Turn {
     }
 }
 
+/// The sources of the voxels of one layer, at x from the centre; see [`Turn::set_sources`].
+struct LayerSources<'a> {
+    matrix: &'a Matrix3<f64>,
+    offset: &'a Vector3<f64>,
+    sides: [usize; 3],
+    middle: [f64; 3],
+    x: f64,
+    layer: &'a mut [u32],
+}
+
+impl Kernel for LayerSources<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { matrix, offset, sides, middle, x, layer } = self;
+        let [nx, ny, nz] = sides.map(|side| side as f64);
+        let [a, b, c] = [matrix[(0, 2)], matrix[(1, 2)], matrix[(2, 2)]];
+        for (j, column) in layer.chunks_exact_mut(sides[2]).enumerate() {
+            let y = j as f64 - middle[1];
+            let start = |axis: usize| matrix[(axis, 0)] * x + matrix[(axis, 1)] * y + offset[axis] + middle[axis];
+            let (at_x, at_y, at_z) = (start(0), start(1), start(2));
+            for (k, source) in column.iter_mut().enumerate() {
+                let z = k as f64 - middle[2];
+                let (i, j, k) = (nearest(at_x + a * z), nearest(at_y + b * z), nearest(at_z + c * z));
+                let inside = (i >= 0.0) & (i < nx) & (j >= 0.0) & (j < ny) & (k >= 0.0) & (k < nz);
+                let index = whole((i * ny + j) * nz + k);
+                *source = if inside { index } else { NOWHERE };
+            }
+        }
+    }
+}
+
+/// A whole number from 0 to 2³² − 1, in a way that many are converted at once.
+#[inline(always)]
+fn whole(x: f64) -> u32 {
+    (x + ROUND).to_bits() as u32
+}
+
 /// For a turn about z by `angle`: calls the function with the column that each column of the turned grid comes from, one after the
 /// other; `None` for outside.
 #[inline]
@@ -183,9 +213,11 @@ pub fn for_each_column_source(dims: Dims, angle: f64, mut each: impl FnMut(Optio
 /// the CPU is not known to round.
 #[inline(always)]
 pub(crate) fn nearest(x: f64) -> f64 {
-    const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
     (x + ROUND) - ROUND
 }
+
+/// Adding it rounds to the nearest whole number, which is left in the low bits.
+const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
 
 /// Sine and cosine, exact for quarter turns.
 fn snapped(angle: f64) -> (f64, f64) {

@@ -51,7 +51,7 @@ pub use densities::gaussian::Gaussian;
 pub use error::PerceiveError;
 pub use evidence::conditional::Conditional;
 pub use evidence::subspace::ClassSubspace;
-pub use kernels::lanes;
+
 pub use needs::{derived_bytes, workspace_bytes};
 pub use perceiver::{Classified, Perceiver, Workspace};
 pub use percept::{Hypothesis, ObjectBox, Percept};

@@ -2,7 +2,7 @@
 
 use super::machine::Machine;
 use super::percentiles::median;
-use beo_core::perception::lanes::{Kernel, dispatch};
+use beo_core::lanes::{Kernel, dispatch};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use rayon::prelude::*;

@@ -2,8 +2,8 @@
 
 use super::rows::Rows;
 use crate::grid::Dims;
+use crate::lanes::{LANES, Lanes, widen};
 use crate::model::MOST_COMPONENTS;
-use crate::perception::kernels::lanes::{LANES, Lanes, widen};
 use crate::perception::kernels::large_pages::collapse;
 
 /// A class basis and mean over voxels, column by column.

@@ -3,8 +3,8 @@
 //! Voxels come in vertical runs, so prefix sums of W' along each column turn a run of any length into two rows.
 
 use crate::grid::{Dims, for_each_run};
+use crate::lanes::{Kernel, LANES, Lanes, dispatch, widen};
 use crate::model::Basis;
-use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch, widen};
 use crate::perception::kernels::large_pages::collapse;
 use bytemuck::{cast_slice, cast_slice_mut};
 use fixedbitset::FixedBitSet;

@@ -1,7 +1,7 @@
 //! A class basis over voxels as a query reads it: in 16 bits, each component with a scale of its own. What a query costs is
 //! memory to be read, more than arithmetic, and the basis that was learned has no more than 11 significant bits.
 
-use crate::perception::kernels::lanes::{Kernel, LANES, dispatch, widen};
+use crate::lanes::{Kernel, LANES, dispatch, widen};
 use crate::perception::kernels::large_pages::collapse;
 use rayon::prelude::*;
 

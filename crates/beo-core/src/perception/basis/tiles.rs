@@ -5,7 +5,7 @@
 //! a tile's stacks, or lies apart, is left to be summed voxel by voxel.
 
 use crate::grid::Dims;
-use crate::perception::kernels::lanes::Kernel;
+use crate::lanes::Kernel;
 use crate::perception::kernels::row_gram::{add_outer, packed_len};
 use rayon::prelude::*;
 
@@ -148,8 +148,8 @@ impl Kernel for AddLevels<'_> {
 mod tests {
     use super::*;
     use crate::grid::Observation;
+    use crate::lanes::dispatch;
     use crate::perception::Known;
-    use crate::perception::kernels::lanes::dispatch;
     use proptest::prelude::*;
 
     proptest! {

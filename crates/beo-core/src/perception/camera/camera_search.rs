@@ -12,7 +12,7 @@ use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
 use crate::perception::evidence::lattice::Codes;
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::evidence::thinned::{Detail, ThinnedScratch};
+use crate::perception::evidence::thinned::{Detail, ThinnedEvidence, ThinnedScratch};
 use crate::perception::pool::Pool;
 use crate::perception::scored::Sample;
 use crate::perception::scored::{ClassMask, MODE_RADIUS, Scored};
@@ -107,7 +107,8 @@ impl ModeRefiner<'_> {
         if start.is_known() {
             return Ok(Climbed { cell: *cell, parameters: start.expected, value: 0.0 });
         }
-        let (parameters, value) = start.climb(|at| self.log_likelihood(Detail::Coarse, cell, at, scratch))?;
+        let mut evidence = self.evidence(Detail::Coarse, cell, scratch);
+        let (parameters, value) = start.climb(|at| evidence.log_likelihood(at))?;
         Ok(Climbed { cell: *cell, parameters, value })
     }
 
@@ -117,9 +118,12 @@ impl ModeRefiner<'_> {
         let start = start(cell, self.told);
         let mut refined = match start.is_known() {
             true => Refined { parameters: *parameters, deviations: [0.0; 5], value: 0.0 },
-            false => start.settle(parameters, |at| self.log_likelihood(Detail::Fine, cell, at, scratch))?,
+            false => {
+                let mut evidence = self.evidence(Detail::Fine, cell, scratch);
+                start.settle(parameters, |at| evidence.log_likelihood(at))?
+            }
         };
-        let log_evidence = self.of_all(cell, &refined.parameters, scratch)?;
+        let log_evidence = self.of_all(cell, &refined.parameters, &mut scratch.all)?;
         refined.value = self.weight * log_evidence + start.log_density(&refined.parameters);
         Ok(Mode { cell: *cell, refined, log_evidence })
     }
@@ -134,19 +138,41 @@ impl ModeRefiner<'_> {
         cell.placed(self.frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]))
     }
 
-    fn of_all(&self, cell: &Cell, at: &Parameters, scratch: &mut RefineScratch) -> Result<f64, PerceiveError> {
-        Ok(self.evidence.of_placed(self.seen, &self.placed(cell, at), self.outside, cell.class, &mut scratch.all)?.log_ratio)
+    fn of_all(&self, cell: &Cell, at: &Parameters, scratch: &mut EvidenceScratch) -> Result<f64, PerceiveError> {
+        Ok(self.evidence.of_placed(self.seen, &self.placed(cell, at), self.outside, cell.class, scratch)?.log_ratio)
     }
 
-    fn log_likelihood(&self, detail: Detail, cell: &Cell, at: &Parameters, scratch: &mut RefineScratch) -> Result<f64, PerceiveError> {
-        let log_evidence = match &self.evidence.thinned {
-            Some(thinned) => {
-                let (placed, noise) = (self.placed(cell, at), self.evidence.noise_variance);
-                thinned.log_evidence(detail, self.codes, &placed, cell.class, noise, &mut scratch.thinned)?
-            }
-            None => self.of_all(cell, at, scratch)?,
+    fn evidence<'b>(&'b self, detail: Detail, cell: &'b Cell, scratch: &'b mut RefineScratch) -> CellEvidence<'b> {
+        let EvidenceModel { thinned, noise_variance, .. } = self.evidence;
+        let from = match thinned {
+            Some(model) => Voxels::Lattice(model.of_class(detail, self.codes, cell.class, *noise_variance, &mut scratch.thinned)),
+            None => Voxels::All(&mut scratch.all),
         };
-        Ok(self.weight * log_evidence)
+        CellEvidence { refiner: self, cell, from }
+    }
+}
+
+/// The evidence on which a cell is refined.
+struct CellEvidence<'a> {
+    refiner: &'a ModeRefiner<'a>,
+    cell: &'a Cell,
+    from: Voxels<'a>,
+}
+
+/// Voxels that evidence is computed from.
+enum Voxels<'a> {
+    Lattice(ThinnedEvidence<'a>),
+    All(&'a mut EvidenceScratch),
+}
+
+impl CellEvidence<'_> {
+    fn log_likelihood(&mut self, at: &Parameters) -> Result<f64, PerceiveError> {
+        let Self { refiner, cell, from } = self;
+        let log_evidence = match from {
+            Voxels::Lattice(evidence) => evidence.log_ratio(&refiner.placed(cell, at))?,
+            Voxels::All(scratch) => refiner.of_all(cell, at, scratch)?,
+        };
+        Ok(refiner.weight * log_evidence)
     }
 }
 

@@ -9,12 +9,11 @@
 
 use super::view_frame::{CELLS, ShadowImage, ViewFrame};
 use crate::grid::{Observation, Rotation, Similarity};
+use crate::lanes::{Kernel, LANES, dispatch, dot_of_blocks, widen_halves};
 use crate::model::{CameraDensities, Component, Forest, OFFSETS, SizeDensity, YAWS};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::densities::packed::PackedGaussian;
-use crate::perception::kernels::lanes::dot;
 use half::f16;
-use half::slice::HalfFloatSliceExt;
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -131,7 +130,7 @@ impl CameraFeatures {
     pub fn new(rows: &[f16], size: usize) -> Self {
         debug_assert_eq!(rows.len(), CELLS * size);
         let mut basis = vec![0.0; rows.len()];
-        rows.convert_to_f32_slice(&mut basis);
+        widen_halves(rows, &mut basis);
         Self { basis, size }
     }
 
@@ -185,8 +184,10 @@ impl CameraScores {
         self.features.of(frame, observation, shadow, features);
         let (densities, p, m) = (&self.densities, self.densities.size, self.densities.components.len());
         let triangle = p * (p + 1) / 2;
-        centred.resize(p, 0.0);
-        regression.resize(OFFSETS * p, 0.0);
+        let blocks = p.div_ceil(LANES);
+        centred.clear();
+        centred.resize(blocks * LANES, 0.0);
+        regression.resize(OFFSETS * p + LANES, 0.0);
         cells.clear();
         let elevations = densities.beside(frame.elevation);
         for step in 0..YAWS {
@@ -209,19 +210,42 @@ impl CameraScores {
                 for (elevation, share) in elevations.into_iter().filter(|(_, share)| *share > 0.0) {
                     let place = densities.place(elevation, step, component, m);
                     gaussian.load(&densities.means[place * p..][..p], &densities.whitening[place * triangle..][..triangle]);
-                    densities.regression[place * OFFSETS * p..][..OFFSETS * p].convert_to_f32_slice(regression);
+                    widen_halves(&densities.regression[place * OFFSETS * p..][..OFFSETS * p], regression);
                     gaussian.centre(features, centred);
-                    let offset = |j: usize| {
-                        f64::from(densities.offsets[place * OFFSETS + j]) + f64::from(dot(&regression[j * p..(j + 1) * p], centred))
-                    };
+                    let regressed = dispatch(Regressed { rows: regression, stride: p, centred });
+                    let offset = |j: usize| f64::from(densities.offsets[place * OFFSETS + j]) + f64::from(regressed[j]);
                     let offsets: [f64; OFFSETS] = std::array::from_fn(offset);
                     let deviations: [f64; OFFSETS] = std::array::from_fn(|j| f64::from(densities.deviations[place * OFFSETS + j]));
                     let log_told = told.log_density(rest, &offsets, &deviations);
-                    cell.add(share.ln() + gaussian.log_density(centred) + log_told, &offsets, &deviations);
+                    cell.add(share.ln() + gaussian.log_density(&centred[..p]) + log_told, &offsets, &deviations);
                 }
                 cells.push(cell);
             }
         }
+    }
+}
+
+/// Offsets that a centred point adds to their means: a row of a regression for each.
+struct Regressed<'a> {
+    /// Rows, and room for a block of lanes.
+    rows: &'a [f32],
+    /// Values of a row.
+    stride: usize,
+    /// Whole blocks of lanes, with zeros beyond the point's own values.
+    centred: &'a [f32],
+}
+
+impl Kernel for Regressed<'_> {
+    type Output = [f32; OFFSETS];
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> [f32; OFFSETS] {
+        let Self { rows, stride, centred } = self;
+        let mut out = [0.0; OFFSETS];
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = dot_of_blocks::<FUSED>(&rows[j * stride..], centred, centred.len() / LANES);
+        }
+        out
     }
 }
 

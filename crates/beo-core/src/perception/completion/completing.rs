@@ -2,11 +2,11 @@
 
 use super::voxels::{self, Complete, Part, Unknown};
 use crate::grid::{ALONE, Observation, Similarity, Turn};
+use crate::lanes::{dispatch, dot};
 use crate::perception::basis::columns::BlockScratch;
 use crate::perception::basis::known::Known;
 use crate::perception::basis::reading::BasisRows;
 use crate::perception::evidence::placed::ObjectFrame;
-use crate::perception::kernels::lanes::{dispatch, dot};
 use crate::perception::known_pose::ClassPosteriors;
 use crate::perception::pool::Pool;
 use crate::perception::prepared::Prepared;

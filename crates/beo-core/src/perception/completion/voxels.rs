@@ -1,11 +1,11 @@
 //! Completion: from the posteriors of the likely classes to one probability and one deviation per voxel (eq. 6 and the
 //! evidence's posterior mean).
 
+use crate::lanes::{self, Kernel, LANES, Lanes};
 use crate::model::CompletionCalibration;
 use crate::perception::basis::columns::BlockScratch;
 use crate::perception::evidence::prediction::Posterior;
 use crate::perception::evidence::subspace::ClassSubspace;
-use crate::perception::kernels::lanes::{self, Kernel, LANES, Lanes};
 
 /// A class that takes part in a completion.
 #[derive(Clone, Copy)]

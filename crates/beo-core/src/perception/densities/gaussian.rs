@@ -1,8 +1,8 @@
 //! Multivariate Gaussians of projections onto W' (eq. 10), and the Student-t densities with the same mean and scale, in log space.
 
 use super::whitening::Whitening;
+use crate::lanes::{Kernel, LANES, dispatch, multiply_add};
 use crate::linear::{LinearError, log_determinant};
-use crate::perception::kernels::lanes::{Kernel, LANES, dispatch, multiply_add};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 

@@ -1,16 +1,20 @@
 //! A Gaussian whose square-root information lies in the model file as a packed lower triangle in half precision: one of many small ones, read
 //! when it is needed.
 
-use crate::perception::kernels::lanes::{Kernel, dispatch, dot, multiply_add};
+use crate::lanes::{Kernel, LANES, dispatch, dot_of_blocks, multiply_add, widen_halves};
 use half::f16;
-use half::slice::HalfFloatSliceExt;
+
+/// Values on a diagonal whose product stays far from the ends of double precision, however near they are to those of half precision.
+const MULTIPLIED: usize = 32;
 
 /// N(mean, S), S = L Lᵀ, widened to single precision; memory for one of them at a time.
 #[derive(Clone, Debug, Default)]
 pub struct PackedGaussian {
     mean: Vec<f32>,
-    /// Rows of L⁻¹, lower triangle: row i has i + 1 values.
+    /// Rows of L⁻¹, lower triangle: row i has i + 1 values; and room for a block of lanes.
     root: Vec<f32>,
+    /// As much of a centred point as a row has values, and zeros.
+    point: Vec<f32>,
     /// log |L⁻¹| = −½ log |S|.
     log_volume: f64,
 }
@@ -19,14 +23,18 @@ impl PackedGaussian {
     /// Takes in a Gaussian of p features: its mean, p values, and L⁻¹, p (p + 1) / 2 values.
     pub fn load(&mut self, mean: &[f16], root: &[f16]) {
         self.mean.resize(mean.len(), 0.0);
-        self.root.resize(root.len(), 0.0);
-        mean.convert_to_f32_slice(&mut self.mean);
-        root.convert_to_f32_slice(&mut self.root);
+        self.root.resize(root.len() + LANES, 0.0);
+        widen_halves(mean, &mut self.mean);
+        widen_halves(root, &mut self.root);
         let mut last = 0;
         self.log_volume = 0.0;
-        for i in 0..mean.len() {
-            self.log_volume += f64::from(self.root[last]).ln();
-            last += i + 2;
+        for start in (0..mean.len()).step_by(MULTIPLIED) {
+            let mut product = 1.0;
+            for i in start..(start + MULTIPLIED).min(mean.len()) {
+                product *= f64::from(self.root[last]);
+                last += i + 2;
+            }
+            self.log_volume += product.ln();
         }
     }
 
@@ -38,20 +46,39 @@ impl PackedGaussian {
     }
 
     /// log N(z; mean, S) of a centred point, without the constant of the number of features.
-    pub fn log_density(&self, centred: &[f32]) -> f64 {
-        let (mut squared_distance, mut rest) = (0.0, &self.root[..]);
-        for i in 0..self.mean.len() {
-            let (row, tail) = rest.split_at(i + 1);
-            rest = tail;
-            squared_distance += f64::from(dot(row, &centred[..=i])).powi(2);
-        }
-        self.log_volume - 0.5 * squared_distance
+    pub fn log_density(&mut self, centred: &[f32]) -> f64 {
+        self.point.clear();
+        self.point.resize(self.mean.len().next_multiple_of(LANES), 0.0);
+        dispatch(LogDensity { gaussian: self, centred })
     }
 
     /// The same of `N` points side by side: `points` has a row per feature with the values of all points, not centred; `centred` is scratch.
     pub fn log_densities<const N: usize>(&self, points: &[[f32; N]], centred: &mut Vec<[f32; N]>) -> [f32; N] {
         centred.resize(self.mean.len(), [0.0; N]);
         dispatch(LogDensities { gaussian: self, points, centred })
+    }
+}
+
+/// See [`PackedGaussian::log_density`].
+struct LogDensity<'a> {
+    gaussian: &'a mut PackedGaussian,
+    centred: &'a [f32],
+}
+
+impl Kernel for LogDensity<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> f64 {
+        let PackedGaussian { root, point, log_volume, .. } = self.gaussian;
+        let (mut squared_distance, mut rest) = (0.0, &root[..]);
+        for (i, value) in self.centred.iter().enumerate() {
+            // Beyond its own values a row's block holds those of the next, which zeros meet.
+            point[i] = *value;
+            squared_distance += f64::from(dot_of_blocks::<FUSED>(rest, point, i / LANES + 1)).powi(2);
+            rest = &rest[i + 1..];
+        }
+        *log_volume - 0.5 * squared_distance
     }
 }
 
@@ -67,7 +94,7 @@ impl<const N: usize> Kernel for LogDensities<'_, N> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> [f32; N] {
-        let Self { gaussian: PackedGaussian { mean, root, log_volume }, points, centred } = self;
+        let Self { gaussian: PackedGaussian { mean, root, log_volume, .. }, points, centred } = self;
         for ((centred, z), mean) in centred.iter_mut().zip(points).zip(mean) {
             for (out, z) in centred.iter_mut().zip(z) {
                 *out = z - mean;

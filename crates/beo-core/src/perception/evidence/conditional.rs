@@ -1,10 +1,10 @@
 //! A class conditioned on sums over the known voxels: its evidence, and the posterior of its coefficients.
 
 use super::prediction::Posterior;
+use crate::lanes::{LANES, dispatch};
 use crate::linear::{LinearError, cholesky_rows, dot64, symmetric_eigen};
 use crate::model::MOST_COMPONENTS;
 use crate::perception::basis::rows::Rows;
-use crate::perception::kernels::lanes::{LANES, dispatch};
 use crate::perception::kernels::row_gram::{AddGram, packed, packed_len};
 use faer::Mat;
 

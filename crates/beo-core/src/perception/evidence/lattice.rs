@@ -5,7 +5,7 @@
 //! Methods for Multiple Integration*, 1994). Edges and faces are thus met evenly, however they lie.
 
 use crate::grid::{Dims, Observation, Outside, Similarity};
-use crate::perception::kernels::lanes::{Kernel, dispatch, multiply_add};
+use crate::lanes::{Kernel, dispatch, multiply_add};
 use std::cmp::Reverse;
 
 /// Some of the voxels of a grid, ascending.
@@ -16,54 +16,31 @@ pub struct Lattice {
     centres: [Vec<f32>; 3],
 }
 
-/// What is seen of the voxels of a lattice: their places in it, ascending.
+/// What is seen of the voxels of a lattice: a bit for each, from the first voxel on, in words of [`WORD`].
 #[derive(Default)]
 pub struct Sampled {
-    known: Places,
-    unknown: Places,
-    filled: Places,
-    sources: Vec<u32>,
-}
-
-/// Some places, and room for all.
-#[derive(Default)]
-struct Places {
-    places: Vec<u32>,
-    count: usize,
-}
-
-impl Places {
-    fn clear(&mut self, room: usize) {
-        self.places.resize(room, 0);
-        self.count = 0;
-    }
-
-    /// Adds a place if it is one of them; without a branch, which could not be predicted.
-    #[inline(always)]
-    fn add(&mut self, place: usize, is_one: bool) {
-        self.places[self.count] = place as u32;
-        self.count += usize::from(is_one);
-    }
-
-    fn all(&self) -> &[u32] {
-        &self.places[..self.count]
-    }
-}
-
-impl Sampled {
     /// Known to be filled or empty.
-    pub fn known(&self) -> &[u32] {
-        self.known.all()
-    }
-
-    /// Not known.
-    pub fn unknown(&self) -> &[u32] {
-        self.unknown.all()
-    }
-
+    pub known: Vec<u64>,
     /// Known to be filled.
-    pub fn filled(&self) -> &[u32] {
-        self.filled.all()
+    pub filled: Vec<u64>,
+}
+
+/// Bits of a word.
+const WORD: usize = u64::BITS as usize;
+
+/// How many bits are set.
+pub fn count(words: impl Iterator<Item = u64>) -> usize {
+    words.map(|word| word.count_ones() as usize).sum()
+}
+
+/// Lists the bits that are set.
+pub fn list(words: impl Iterator<Item = u64>, places: &mut Vec<u32>) {
+    places.clear();
+    for (start, mut word) in (0..).step_by(WORD).zip(words) {
+        while word != 0 {
+            places.push(start + word.trailing_zeros());
+            word &= word - 1;
+        }
     }
 }
 
@@ -115,26 +92,27 @@ impl Lattice {
         self.dims.voxels() as f64 / self.voxels.len() as f64
     }
 
+    /// Bits of the last word, set where there is a voxel.
+    pub fn last_word(&self) -> u64 {
+        match self.voxels.len() % WORD {
+            0 => u64::MAX,
+            count => (1 << count) - 1,
+        }
+    }
+
     /// Moves an observation to the canonical grid of an object that lies so, as far as the lattice goes.
     pub fn sample(&self, Codes(codes): &Codes, placed: &Similarity, out: &mut Sampled) {
-        let Sampled { known, unknown, filled, sources } = out;
         let (matrix, offset) = placed.map();
         let sides = <[usize; 3]>::from(self.dims);
         let row = |axis: usize| {
             let middle = (sides[axis] as f64 - 1.0) / 2.0;
             [matrix[(axis, 0)], matrix[(axis, 1)], matrix[(axis, 2)], offset[axis] + middle].map(|v| v as f32)
         };
-        sources.resize(self.voxels.len(), 0);
-        dispatch(Sources { rows: [row(0), row(1), row(2)], sides, centres: &self.centres, out: sources });
-        for places in [&mut *known, unknown, filled] {
-            places.clear(self.voxels.len());
-        }
-        for (place, source) in sources.iter().enumerate() {
-            let code = codes[*source as usize];
-            known.add(place, code & KNOWN != 0);
-            unknown.add(place, code & KNOWN == 0);
-            filled.add(place, code & FILLED != 0);
-        }
+        let words = self.voxels.len().div_ceil(WORD);
+        out.known.resize(words, 0);
+        out.filled.resize(words, 0);
+        let rows = [row(0), row(1), row(2)];
+        dispatch(Sample { rows, sides: sides.map(|side| side as u32), centres: &self.centres, codes, out });
     }
 }
 
@@ -160,37 +138,55 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The voxel that each voxel of a lattice comes from; one past the last for what comes from outside.
-struct Sources<'a> {
+/// Looks up what is known of the voxel that each voxel of a lattice comes from.
+struct Sample<'a> {
     /// (x, y, z, 1) to the place along each axis, in voxels from the first.
     rows: [[f32; 4]; 3],
-    sides: [usize; 3],
+    sides: [u32; 3],
     centres: &'a [Vec<f32>; 3],
-    out: &'a mut [u32],
+    codes: &'a [u8],
+    out: &'a mut Sampled,
 }
 
-impl Kernel for Sources<'_> {
+/// The nearest whole number to a place along an axis; one below zero, or beyond two millions, becomes larger than any grid.
+#[inline(always)]
+fn nearest<const FUSED: bool>(row: &[f32; 4], x: f32, y: f32, z: f32) -> u32 {
+    // 1.5 · 2²³: adding it rounds to the nearest whole number, ties to even, which is left in the low bits.
+    const ROUND: f32 = 12_582_912.0;
+    let [a, b, c, d] = *row;
+    let exact = multiply_add::<FUSED>(a, x, multiply_add::<FUSED>(b, y, multiply_add::<FUSED>(c, z, d)));
+    (exact + ROUND).to_bits().wrapping_sub(ROUND.to_bits())
+}
+
+impl Kernel for Sample<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        // 1.5 · 2²³: adding it rounds to the nearest whole number, ties to even.
-        const ROUND: f32 = 12_582_912.0;
-        let Self { rows, sides, centres: [xs, ys, zs], out } = self;
-        let last = sides.map(|side| side as f32 - 1.0);
-        let [nx, ny, nz] = sides.map(|side| side as i32);
-        for (((out, x), y), z) in out.iter_mut().zip(xs).zip(ys).zip(zs) {
-            let mut at = [0.0_f32; 3];
-            for axis in 0..3 {
-                let [a, b, c, d] = rows[axis];
-                let exact = multiply_add::<FUSED>(a, *x, multiply_add::<FUSED>(b, *y, multiply_add::<FUSED>(c, *z, d)));
-                at[axis] = (exact + ROUND) - ROUND;
+        let Self { rows, sides: [nx, ny, nz], centres: [xs, ys, zs], codes, out } = self;
+        let outside = nx * ny * nz;
+        let words = out.known.iter_mut().zip(&mut out.filled);
+        let chunks = xs.chunks(WORD).zip(ys.chunks(WORD)).zip(zs.chunks(WORD));
+        let mut sources = [0_u32; WORD];
+        let mut found = [0_u8; WORD];
+        for ((known, filled), ((xs, ys), zs)) in words.zip(chunks) {
+            for (((source, x), y), z) in sources.iter_mut().zip(xs).zip(ys).zip(zs) {
+                let i = nearest::<FUSED>(&rows[0], *x, *y, *z);
+                let j = nearest::<FUSED>(&rows[1], *x, *y, *z);
+                let k = nearest::<FUSED>(&rows[2], *x, *y, *z);
+                let inside = (i < nx) & (j < ny) & (k < nz);
+                let index = i.wrapping_mul(ny).wrapping_add(j).wrapping_mul(nz).wrapping_add(k);
+                *source = if inside { index } else { outside };
             }
-            let inside = (at[0] >= 0.0) & (at[0] <= last[0]) & (at[1] >= 0.0) & (at[1] <= last[1]) & (at[2] >= 0.0) & (at[2] <= last[2]);
-            // Whole numbers, far from the ends of their type where they are inside.
-            let [i, j, k] = at.map(|v| v.clamp(0.0, 4096.0) as i32);
-            let index = (i * ny + j) * nz + k;
-            *out = if inside { index } else { nx * ny * nz } as u32;
+            for (found, source) in found.iter_mut().zip(&sources[..xs.len()]) {
+                *found = codes[*source as usize];
+            }
+            found[xs.len()..].fill(0);
+            (*known, *filled) = (0, 0);
+            for (bit, code) in found.iter().enumerate() {
+                *known |= u64::from(code & KNOWN) << bit;
+                *filled |= u64::from((code & FILLED) / FILLED) << bit;
+            }
         }
     }
 }
@@ -246,10 +242,16 @@ mod tests {
                 let those = |is: &dyn Fn(usize) -> bool| -> Vec<u32> {
                     (0..lattice.voxels().len()).filter(|place| is(lattice.voxels()[*place])).map(|place| place as u32).collect()
                 };
-                assert_eq!(sampled.known(), those(&|voxel| moved.known().contains(voxel)));
-                assert_eq!(sampled.unknown(), those(&|voxel| !moved.known().contains(voxel)));
-                assert_eq!(sampled.filled(), those(&|voxel| moved.filled().contains(voxel)));
-                assert!(!sampled.filled().is_empty());
+                let listed = |words: &[u64]| {
+                    let mut places = Vec::new();
+                    list(words.iter().copied(), &mut places);
+                    assert_eq!(places.len(), count(words.iter().copied()));
+                    places
+                };
+                assert_eq!(listed(&sampled.known), those(&|voxel| moved.known().contains(voxel)));
+                assert_eq!(listed(&sampled.filled), those(&|voxel| moved.filled().contains(voxel)));
+                assert!(sampled.filled.iter().any(|word| *word != 0));
+                assert_eq!(sampled.known.last().unwrap() & !lattice.last_word(), 0);
             }
         }
     }

@@ -4,7 +4,7 @@
 //! The variance of a voxel with row b is ‖S b‖² with a lower triangular S: L⁻¹Λ^½ in the class's own basis, and the factor of the same
 //! form in W' where that is read instead. One value of S serves a whole block of voxels.
 
-use crate::perception::kernels::lanes::{LANES, Lanes, multiply_add};
+use crate::lanes::{LANES, Lanes, multiply_add};
 
 /// Rows of S that are multiplied together: enough sums at once to hide the latency of an addition.
 const GROUP: usize = 4;

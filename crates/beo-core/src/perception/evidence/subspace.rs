@@ -9,6 +9,7 @@ use super::conditional::{BLOCK, ClassGram, Conditional, SharedScratch, add_gram,
 use super::prediction::{Posterior, Predicted};
 use super::thinned::ThinnedClass;
 use crate::grid::Dims;
+use crate::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
 use crate::linear::{LinearError, dot64};
 use crate::model::{Basis, ClassModel, MOST_COMPONENTS};
 use crate::perception::basis::columns::{BlockScratch, Columns};
@@ -18,7 +19,6 @@ use crate::perception::basis::rows::Rows;
 use crate::perception::basis::shared_rows::SharedRows;
 use crate::perception::basis::shared_sums::SharedSums;
 use crate::perception::basis::tiles::{TileGrams, Tiling};
-use crate::perception::kernels::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
 use crate::perception::kernels::row_gram::{AddGram, packed, packed_len};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};

@@ -5,12 +5,12 @@
 //! smaller. Neighbouring voxels say nearly the same, so that one of nine tells poses apart nearly as well as all do.
 
 use super::conditional::{ClassGram, Conditional};
-use super::lattice::{Codes, Lattice, Sampled};
+use super::lattice::{Codes, Lattice, Sampled, count, list};
 use super::subspace::ClassSubspace;
 use crate::grid::{Dims, Similarity};
+use crate::lanes::dispatch;
 use crate::linear::LinearError;
 use crate::perception::basis::rows::Rows;
-use crate::perception::kernels::lanes::dispatch;
 use crate::perception::kernels::row_gram::AddGram;
 
 /// Voxels of the coarse lattice, about, whatever the size of the grid: where a search climbs …
@@ -54,20 +54,29 @@ pub struct ThinnedClass {
 /// Scratch memory of one thread.
 pub struct ThinnedScratch {
     sampled: Sampled,
+    /// The known voxels of the pose before, of whose complement `conditional` holds the Gram matrix; empty if there was none.
+    before: Vec<u64>,
+    places: Vec<u32>,
+    /// The Gram matrix of voxels that have become known.
+    less: Vec<f64>,
     conditional: Conditional,
 }
 
 impl Default for ThinnedScratch {
     fn default() -> Self {
-        Self { sampled: Sampled::default(), conditional: Conditional::new(0) }
+        let (before, places, less) = (Vec::new(), Vec::new(), Vec::new());
+        Self { sampled: Sampled::default(), before, places, less, conditional: Conditional::new(0) }
     }
 }
 
-impl ThinnedScratch {
-    /// The posterior of the class that was scored last.
-    pub fn conditional(&self) -> &Conditional {
-        &self.conditional
-    }
+/// The evidence of one class for one observation, from one pose to the next. Of near poses most voxels agree, and only the sums over those that
+/// do not are formed anew.
+pub struct ThinnedEvidence<'a> {
+    lattice: &'a Lattice,
+    class: &'a ThinnedClass,
+    seen: &'a Codes,
+    noise: f64,
+    scratch: &'a mut ThinnedScratch,
 }
 
 impl ThinnedModel {
@@ -81,37 +90,43 @@ impl ThinnedModel {
         Some(Self { coarse: of(COARSE_VOXELS)?, fine: of(FINE_VOXELS)? })
     }
 
-    /// Estimated log evidence of a class for an object that lies so, relative to the background, nats, in voxels of the grid that was observed;
-    /// `noise` is the noise variance.
-    pub fn log_evidence(
-        &self,
+    /// The evidence of a class for an observation; `noise` is the noise variance.
+    pub fn of_class<'a>(
+        &'a self,
         detail: Detail,
-        seen: &Codes,
-        placed: &Similarity,
+        seen: &'a Codes,
         class: usize,
         noise: f64,
-        scratch: &mut ThinnedScratch,
-    ) -> Result<f64, LinearError> {
+        scratch: &'a mut ThinnedScratch,
+    ) -> ThinnedEvidence<'a> {
         let ThinnedClasses { lattice, classes } = match detail {
             Detail::Coarse => &self.coarse,
             Detail::Fine => &self.fine,
         };
-        let ThinnedScratch { sampled, conditional } = scratch;
-        lattice.sample(seen, placed, sampled);
-        let class = &classes[class];
+        // What was asked before must leave no trace, not even in roundings.
+        scratch.before.clear();
+        ThinnedEvidence { lattice, class: &classes[class], seen, noise, scratch }
+    }
+}
+
+impl ThinnedEvidence<'_> {
+    /// Estimated log evidence for an object that lies so, relative to the background, nats, in voxels of the grid that was observed.
+    pub fn log_ratio(&mut self, placed: &Similarity) -> Result<f64, LinearError> {
+        let Self { lattice, class, seen, noise, ref mut scratch } = *self;
+        lattice.sample(seen, placed, &mut scratch.sampled);
         let prior = &class.prior;
-        conditional.make_room(prior.size);
-        let Conditional { unknown, filled, .. } = conditional;
-        unknown.fill(0.0);
-        if sampled.known().len() < sampled.unknown().len() {
-            class.add_gram(sampled.known(), unknown);
-            unknown.iter_mut().zip(&prior.gram).for_each(|(sum, all)| *sum = all - *sum);
-        } else {
-            class.add_gram(sampled.unknown(), unknown);
-        }
-        class.sum(sampled.filled(), filled);
+        scratch.conditional.make_room(prior.size);
+        class.sum_unknown(lattice.last_word(), scratch);
+        let ThinnedScratch { sampled, places, conditional, .. } = &mut **scratch;
+        list(sampled.filled.iter().copied(), places);
+        class.sum(places, &mut conditional.filled);
         prior.solve(noise / lattice.share(), conditional)?;
         Ok(placed.scale.powi(3) * conditional.log_evidence_ratio())
+    }
+
+    /// The posterior of the class in the pose that was scored last.
+    pub fn conditional(&self) -> &Conditional {
+        &self.scratch.conditional
     }
 }
 
@@ -137,6 +152,39 @@ impl ThinnedClass {
             let starts = places.iter().map(|place| *place as usize * self.stride);
             dispatch(AddGram { rows: &self.rows, starts, width: self.prior.size + 2, out });
         }
+    }
+
+    /// The Gram matrix of the unknown voxels of `sampled`, from the fewest rows: of these, of the known ones, or of those that differ from the
+    /// pose before. `last` are the bits of the last word of voxels.
+    fn sum_unknown(&self, last: u64, scratch: &mut ThinnedScratch) {
+        let ThinnedScratch { sampled: Sampled { known, .. }, before, places, less, conditional: Conditional { unknown: sum, .. } } =
+            scratch;
+        let words = known.len();
+        let unknown = || known.iter().enumerate().map(|(i, word)| !word & if i + 1 == words { last } else { u64::MAX });
+        let appeared = || before.iter().zip(known.iter()).map(|(before, now)| now & !before);
+        let vanished = || before.iter().zip(known.iter()).map(|(before, now)| before & !now);
+        let of_known = count(known.iter().copied());
+        let of_unknown = count(unknown());
+        if before.len() == words && count(appeared()) + count(vanished()) < of_known.min(of_unknown) {
+            list(vanished(), places);
+            self.add_gram(places, sum);
+            list(appeared(), places);
+            less.clear();
+            less.resize(sum.len(), 0.0);
+            self.add_gram(places, less);
+            sum.iter_mut().zip(&*less).for_each(|(sum, less)| *sum -= less);
+        } else {
+            sum.fill(0.0);
+            if of_known < of_unknown {
+                list(known.iter().copied(), places);
+                self.add_gram(places, sum);
+                sum.iter_mut().zip(&self.prior.gram).for_each(|(sum, all)| *sum = all - *sum);
+            } else {
+                list(unknown(), places);
+                self.add_gram(places, sum);
+            }
+        }
+        before.clone_from(known);
     }
 
     /// Sums the rows of some places into `out`.
@@ -180,7 +228,7 @@ mod tests {
                 let exact = evidence.of_placed(&seen, &placed, Outside::Unknown, class, &mut scratch).unwrap().log_ratio;
                 let [coarse, fine] = [Detail::Coarse, Detail::Fine].map(|detail| {
                     let noise = evidence.noise_variance;
-                    thinned.log_evidence(detail, &seen_codes, &placed, class, noise, &mut sparse).unwrap()
+                    thinned.of_class(detail, &seen_codes, class, noise, &mut sparse).log_ratio(&placed).unwrap()
                 });
                 assert!((fine - exact).abs() < 1e-3 * exact.abs().max(1.0), "{fine} {exact}");
                 let (exact_first, coarse_first) = *first.get_or_insert((exact, coarse));

@@ -2,10 +2,8 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `lanes` | sixteen values at a time, and one version of a kernel for each kind of CPU |
 //! | `row_gram` | Gram matrices of rows of values, as packed lower triangles |
 //! | `large_pages` | tables in large pages, where the system has them |
 
-pub mod lanes;
 pub mod large_pages;
 pub mod row_gram;

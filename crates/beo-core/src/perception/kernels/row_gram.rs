@@ -1,6 +1,6 @@
 //! Gram matrices of rows of a few dozen values: Σ rowᵀrow, lower triangle, packed row after row.
 
-use crate::perception::kernels::lanes::{Kernel, LANES, load, multiply_add};
+use crate::lanes::{Kernel, LANES, load, multiply_add};
 use std::iter::StepBy;
 use std::ops::Range;
 
@@ -87,7 +87,7 @@ pub fn add_outer(sum: &mut [f64], rows: &[f32], stride: usize, width: usize, vox
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::perception::kernels::lanes::dispatch;
+    use crate::lanes::dispatch;
 
     #[test]
     fn the_kernel_sums_as_the_plain_loops_do() {

@@ -6,12 +6,12 @@
 use super::PaperModel;
 use super::projection;
 use crate::grid::{Observation, Rotation, Similarity, distance_transform, yaw};
+use crate::lanes::dot;
 use crate::perception::PerceiveError;
 use crate::perception::basis::reading::BasisRows;
 use crate::perception::densities::gaussian::Gaussian;
 use crate::perception::densities::log_sum::{log_sum_exp, softmax};
 use crate::perception::evidence::placed::ObjectFrame;
-use crate::perception::kernels::lanes::dot;
 use crate::perception::pool::Pool;
 use crate::perception::query::{PaperPose, PoseSearch, Query};
 use crate::perception::scored::{ClassMask, Sample, Scored};

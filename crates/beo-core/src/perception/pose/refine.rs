@@ -83,8 +83,9 @@ impl Refiner<'_> {
                     match &self.evidence.thinned {
                         Some(model) => {
                             let (placed, noise) = (Similarity::turned(rotation), self.evidence.noise_variance);
-                            model.log_evidence(Detail::Fine, self.codes, &placed, class, noise, thinned)?;
-                            field.reconstruct(subspace, thinned.conditional());
+                            let mut evidence = model.of_class(Detail::Fine, self.codes, class, noise, thinned);
+                            evidence.log_ratio(&placed)?;
+                            field.reconstruct(subspace, evidence.conditional());
                         }
                         None => {
                             self.evidence_at(&rotation, class, scratch)?;

@@ -4,7 +4,7 @@
 //! z = Bᵀ · pooled hull. As every column of the hull is a stack, that is one row of a table of partial sums per column.
 
 use crate::grid::{Dims, HeightMap, Pooling};
-use crate::perception::kernels::lanes::{Kernel, dispatch};
+use crate::lanes::{Kernel, dispatch};
 use half::f16;
 
 /// The projection, as tables.

@@ -4,11 +4,10 @@
 use super::hull_features::HullFeatures;
 use super::viewpoint::{self, TURNS};
 use crate::grid::{Dims, HeightMap, Rotation, yaw};
+use crate::lanes::{dot, widen_halves};
 use crate::model::{DIRECTIONS, ViewDensities};
 use crate::perception::densities::packed::PackedGaussian;
-use crate::perception::kernels::lanes::dot;
 use crate::perception::pool::Pool;
-use half::slice::HalfFloatSliceExt;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -128,7 +127,7 @@ impl ViewScores {
         centred.clear();
         centred.extend(z.iter().zip(mean).map(|(z, mean)| z - mean.to_f32()));
         rows.resize(3 * p, 0.0);
-        self.densities.regression(direction, class, m).convert_to_f32_slice(rows);
+        widen_halves(self.densities.regression(direction, class, m), rows);
         let offset = Vector3::from_fn(|axis, _| f64::from(dot(&rows[axis * p..(axis + 1) * p], centred)));
         let in_plane = yaw(viewpoint::angle(turn));
         in_plane * Rotation::from_scaled_axis(offset) * in_plane.inverse() * self.rotations[cell]

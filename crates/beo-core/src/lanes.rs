@@ -1,6 +1,8 @@
 //! Arithmetic on a few values at a time, in shapes that compilers turn into vector instructions, and its compilation for the
 //! CPU that it runs on.
 
+use half::f16;
+
 /// Values that are computed together.
 pub const LANES: usize = 16;
 
@@ -98,6 +100,60 @@ pub fn widen<T: Copy + Into<f32>>(values: &[T; LANES]) -> Lanes {
     wide
 }
 
+/// A finite number of half precision in single precision. Integer arithmetic on many at a time; the library converts one or eight.
+#[inline(always)]
+pub fn single(half: f16) -> f32 {
+    // By how much exponents differ, 127 − 15.
+    const BIAS: u32 = 112 << 23;
+    const LEAST_NORMAL: u32 = 1 << 23;
+    let bits = u32::from(half.to_bits());
+    let magnitude = (bits & 0x7fff) << 13;
+    // What lies below the least normal number has no leading one: it is put there, and its value taken away.
+    let below = f32::from_bits(magnitude + BIAS + LEAST_NORMAL) - f32::from_bits(BIAS + LEAST_NORMAL);
+    let normal = f32::from_bits(magnitude + BIAS);
+    let value = if magnitude < LEAST_NORMAL { below } else { normal };
+    f32::from_bits(value.to_bits() | (bits & 0x8000) << 16)
+}
+
+/// Finite numbers of half precision in single precision.
+pub fn widen_halves(from: &[f16], to: &mut [f32]) {
+    dispatch(WidenHalves { from, to });
+}
+
+struct WidenHalves<'a> {
+    from: &'a [f16],
+    to: &'a mut [f32],
+}
+
+impl Kernel for WidenHalves<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        self.to.iter_mut().zip(self.from).for_each(|(to, from)| *to = single(*from));
+    }
+}
+
+/// Sum of all lanes, in pairs.
+#[inline(always)]
+pub fn sum(lanes: &Lanes) -> f32 {
+    let eight: [f32; 8] = std::array::from_fn(|l| lanes[l] + lanes[l + 8]);
+    let four: [f32; 4] = std::array::from_fn(|l| eight[l] + eight[l + 4]);
+    (four[0] + four[2]) + (four[1] + four[3])
+}
+
+/// Inner product of the first whole `blocks` of two slices.
+#[inline(always)]
+pub fn dot_of_blocks<const FUSED: bool>(a: &[f32], b: &[f32], blocks: usize) -> f32 {
+    let mut sums = [0.0_f32; LANES];
+    for (a, b) in a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0).take(blocks) {
+        for l in 0..LANES {
+            sums[l] = multiply_add::<FUSED>(a[l], b[l], sums[l]);
+        }
+    }
+    sum(&sums)
+}
+
 /// A value in \[0, 1\] as a byte, times 255 and rounded.
 #[inline(always)]
 pub fn to_byte(value: f32) -> u8 {
@@ -149,6 +205,28 @@ mod tests {
                     "ln {x}: {found} {expected}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn halves_are_widened_as_the_library_does_it() {
+        let finite = |bits: &u16| f16::from_bits(*bits).is_finite();
+        let halves: Vec<f16> = (0..=u16::MAX).filter(finite).map(f16::from_bits).collect();
+        let mut wide = vec![f32::NAN; halves.len()];
+        widen_halves(&halves, &mut wide);
+        for (half, wide) in halves.iter().zip(wide) {
+            assert_eq!(wide.to_bits(), half.to_f32().to_bits(), "{half}");
+        }
+    }
+
+    #[test]
+    fn blocks_are_multiplied_and_summed() {
+        let a: Vec<f32> = (0..40).map(|i| i as f32 - 11.0).collect();
+        let b: Vec<f32> = (0..40).map(|i| 0.5 * i as f32).collect();
+        // Whole numbers and halves: the sums are exact.
+        for blocks in 0..3 {
+            let expected: f32 = a.iter().zip(&b).take(blocks * LANES).map(|(a, b)| a * b).sum();
+            assert_eq!(dot_of_blocks::<false>(&a, &b, blocks), expected);
         }
     }
 
