@@ -66,7 +66,7 @@ pub use grids::{BelowSupport, FrameGrids, GridOptions, NoGrid, ObjectGrid, Obser
 pub use intrinsics::{Intrinsics, IntrinsicsError};
 pub use lens::Lens;
 pub use parallel::carve;
-pub use placement::{Placement, PlacementError, place, place_in};
+pub use placement::{Placement, PlacementError, place, place_in, reach_down};
 pub use segments::Segments;
 pub use sensor::{SensorModel, SensorModelError};
 pub use support::{Plane, PlaneSearch, fit_support, fit_support_in, up_axis};

@@ -125,13 +125,8 @@ pub fn place_in(
         [low[axis], high[axis]] = trimmed(&mut along);
     }
     if let Some(plane) = support {
-        // Up need not be the plane's normal: its height where the object stands.
         let foot = Point3::from(axes * Vector3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, low.z));
-        let gap = plane.height(&foot) / plane.normal().dot(up).max(0.1);
-        if gap <= CONTACT.max(CONTACT_SHARE * (high.z - low.z)) || gap <= MOST_UNSEEN && is_unseen_below(frame, object, &points, up, plane)
-        {
-            low.z = (low.z - gap).min(high.z);
-        }
+        low.z -= reach_down(frame, object, &points, up, plane, &foot, high.z - low.z, 1.0);
     }
     let longest = (high - low).max();
     if longest.is_nan() || longest <= 0.0 {
@@ -145,6 +140,28 @@ pub fn place_in(
     let centre = axes * ((low + high) / 2.0);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
     Ok(Grid::new(dims, voxel, Isometry3::from_parts(Translation3::from(centre), rotation))?)
+}
+
+/// By how much an object's box reaches further down than its readings, at most to the support plane: over a gap that is small, or in which nothing
+/// is seen. `foot` is the middle of the box's bottom, `height` what it is high; a metre are `metre` of the frame's units.
+#[allow(clippy::too_many_arguments)] // what a box is, and what is about it
+pub fn reach_down(
+    frame: &Frame<'_>,
+    object: u16,
+    points: &[Point3<f64>],
+    up: &Unit<Vector3<f64>>,
+    plane: &Plane,
+    foot: &Point3<f64>,
+    height: f64,
+    metre: f64,
+) -> f64 {
+    // Up need not be the plane's normal: its height where the object stands.
+    let gap = plane.height(foot) / plane.normal().dot(up).max(0.1);
+    let touches = gap <= (CONTACT * metre).max(CONTACT_SHARE * height);
+    match touches || gap <= MOST_UNSEEN * metre && is_unseen_below(frame, object, points, up, plane) {
+        true => gap.max(-height),
+        false => 0.0,
+    }
 }
 
 /// Whether most of what is between an object's readings and the plane below them has no reading, and so does not float.

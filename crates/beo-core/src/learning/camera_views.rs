@@ -6,7 +6,7 @@ use crate::grid::{Dims, Observation, Occupancy, Rotation, Similarity, Turn, yaw}
 use crate::model::{Component, OFFSETS};
 use crate::perception::camera::ViewFrame;
 use crate::simulation::{Eye, Sensing, View};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -14,9 +14,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Most voxels of grids that are carved for training; of bigger shapes the grids are smaller, and the evidence is not weighed.
 const MOST_VOXELS: usize = 64 * 64 * 64;
-/// The grid's box reaches down to a known table over this share of its height, as that of a producer does.
-const CONTACT_SHARE: f64 = 0.3;
-
+/// Longest side of things on tables whose size is not known, metres: by it the grid's box reaches down to the table as that of a producer does.
+const SUPPOSED_SIDE_M: f64 = 0.3;
 /// Fewest readings of an object under real conditions: with fewer a producer has no grid for it.
 const LEAST_READINGS: usize = 30;
 /// Shapes that overlap by more when turned by an eighth about the vertical look the same from all sides.
@@ -206,15 +205,15 @@ impl AtRest {
         let view = View::new(object, &eye, &conditions, rng)?;
         // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
         let axes = yaw(-turned);
-        let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
-        if sensing != Sensing::Mild && points.len() < LEAST_READINGS {
+        let readings = view.points();
+        if sensing != Sensing::Mild && readings.len() < LEAST_READINGS {
             return None;
         }
-        let first = points.first()?;
-        let (mut low, high) = points.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
-        if let Some(table) = view.table_height().filter(|table| low.z - table < CONTACT_SHARE * (high.z - low.z)) {
-            low.z = table.min(high.z);
-        }
+        let mut along_axes = readings.iter().map(|p| axes.inverse() * p.coords);
+        let first = along_axes.next()?;
+        let (mut low, high) = along_axes.fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)));
+        let foot = Point3::from(axes * Vector3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, low.z));
+        low.z -= view.reach_down(&readings, &foot, high.z - low.z, size / self.side_m.unwrap_or(SUPPOSED_SIDE_M));
         let dims = if self.dims.voxels() <= MOST_VOXELS { self.dims } else { Dims::cube(30).ok()? };
         let shortest = dims.x().min(dims.y()).min(dims.z()) as f64;
         let edge = ((high - low).max() / (beo_camera::Placement::default().share * shortest)).max(1e-3);

@@ -1,5 +1,5 @@
-//! Made-up things of no class, so that a model learns what it does not know: lumps of a few solids, two shapes side by side or on one
-//! another under one mask, and shapes of a size that their class does not have.
+//! Made-up things of no class, so that a model learns what it does not know: lumps of a few solids, round things and rods, two shapes side by
+//! side or on one another under one mask, and shapes of a size that their class does not have.
 
 use super::camera_views::{AtRest, Part};
 use crate::grid::{Dims, Occupancy, Rotation, yaw};
@@ -7,8 +7,12 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
 
-/// Sides of things of no class, metres, the longest.
+/// Sides of things of no class, metres, the longest: of lumps, …
 const SIDES_M: [f64; 2] = [0.05, 0.35];
+/// … of round things, as fruit and balls are, …
+const ROUND_SIDES_M: [f64; 2] = [0.03, 0.13];
+/// … and of rods, as pens, cutlery and tools are.
+const ROD_SIDES_M: [f64; 2] = [0.08, 0.30];
 /// A shape of a size that its class does not have is larger, or smaller, by a factor between these.
 const WRONG_SIZE: [f64; 2] = [1.9, 3.5];
 /// Share of a grid's side that the longest side takes.
@@ -79,6 +83,26 @@ fn voxels(pieces: &[Piece<'_>], dims: Dims) -> Option<Occupancy> {
     (made.count() > 30).then_some(made)
 }
 
+/// A rod that lies, often with a head: no thinner than the voxels of a grid of `dims` in which its length takes [`FILLED`].
+fn rod(dims: Dims, rng: &mut impl Rng) -> Vec<Piece<'static>> {
+    let thinnest = 0.7 / (FILLED * <[usize; 3]>::from(dims).into_iter().min().unwrap_or(1) as f64);
+    let mut within = |low: f64, high: f64| rng.random_range(low..high).max(thinnest);
+    let (half_width, half_height) = (within(0.015, 0.08), within(0.01, 0.06));
+    let (length, width, height) = (within(0.05, 0.2), within(0.04, 0.16), within(0.01, 0.08));
+    let rotation = yaw(rng.random_range(0.0..TAU));
+    let bar = Vector3::new(0.5, half_width, half_height);
+    let lying =
+        |solid, x: f64, half_height: f64| Piece { solid, rotation, centre: rotation * Vector3::new(x, 0.0, half_height), scale: 1.0 };
+    let mut pieces = vec![lying(Solid::Cuboid(bar), 0.0, half_height)];
+    let head = Vector3::new(length, width, height);
+    match rng.random_range(0..4) {
+        0 => pieces.push(lying(Solid::Ellipsoid(head), 0.5 - length, height)),
+        1 => pieces.push(lying(Solid::Cuboid(head), 0.5 - length, height)),
+        _ => {}
+    }
+    pieces
+}
+
 /// A thing of no class, made of the shapes of `parts` that are allowed (class, shape) or of none of them.
 pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng: &mut impl Rng) -> Option<AtRest> {
     let pick = |rng: &mut dyn Rng| -> Option<&AtRest> {
@@ -135,6 +159,17 @@ pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng
         let extent = box_a[1].sup(&(box_b[1] + shift)) - box_a[0].inf(&(box_b[0] + shift));
         let side_m = first.side_m.map(|side| side * extent.max());
         return Some(first.like(voxels(&pieces, dims)?, side_m));
+    }
+    if kind < 0.7 {
+        let side_m = sized.then(|| between(rng, ROUND_SIDES_M));
+        let half = Vector3::from_fn(|_, _| 0.5 * rng.random_range(0.6..1.0));
+        let solid = Solid::Ellipsoid(half);
+        let piece = Piece { solid, rotation: yaw(rng.random_range(0.0..TAU)), centre: Vector3::zeros(), scale: 1.0 };
+        return Some(first.like(voxels(&[piece], dims)?, side_m));
+    }
+    if kind < 0.8 {
+        let side_m = sized.then(|| between(rng, ROD_SIDES_M));
+        return Some(first.like(voxels(&rod(dims, rng), dims)?, side_m));
     }
     // One alone may well look like a class: how often it does is what the shares of the leaves weigh.
     let count = rng.random_range(1..6);

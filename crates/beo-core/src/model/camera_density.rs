@@ -10,7 +10,7 @@ pub const YAWS: usize = 24;
 /// Cells of the view's frame over which hulls are averaged: 15 along each axis.
 pub const CELLS: usize = 15 * 15 * 15;
 /// Numbers that a view measures for the forest.
-pub const MEASURES: usize = 190;
+pub const MEASURES: usize = 211;
 /// Number of quantities that are regressed on the features, in the view's frame (`perception::camera::ViewFrame`): the rest of the yaw, radians; the logarithm
 /// of the scale, its unit per voxel of the canonical grid; the place of the canonical grid's centre, x, y, z; the lengths of the object's
 /// box along its axes.

@@ -315,10 +315,13 @@ impl View {
             .collect()
     }
 
-    /// Height of the table in the object's grid, voxels from the centre, if it is known.
-    pub fn table_height(&self) -> Option<f64> {
-        let table = self.table?;
-        Some(-table.height(&(self.object_to_camera * Point3::origin())))
+    /// By how much the box about the object's readings reaches down to the table, as that of a producer does, voxels: `points` are the readings and
+    /// `foot` is the middle of the box's bottom, in the object's grid; the box is `height` voxels high, and a metre are so many voxels.
+    pub fn reach_down(&self, points: &[Point3<f64>], foot: &Point3<f64>, height: f64, metre: f64) -> f64 {
+        let (Some(table), Some(frame)) = (&self.table, self.frame()) else { return 0.0 };
+        let points: Vec<Point3<f64>> = points.iter().map(|point| self.object_to_camera * point).collect();
+        let up = Unit::new_normalize(self.object_to_camera * Vector3::z());
+        beo_camera::reach_down(&frame, OBJECT, &points, &up, table, &(self.object_to_camera * foot), height, metre)
     }
 
     /// The carved grid: `rotation` and `centre` say how it lies in the object's (axes of the grid to axes of the object; voxels from the

@@ -1,14 +1,17 @@
 //! What a view measures of an object, at the grid's full resolution: lengths, widths by height, the near surface, the upper surface, how
-//! the near surface bends.
+//! the near surface bends, the outline from above.
 //!
 //! The shadow's densities (`scores`) average over cells of a tenth of the longest side, where a slender box and a slender cylinder look
 //! the same. These measures go along the frame's axes and are relative to the seen box along each of them; only three have a unit, the
 //! logarithms of the box's lengths, which are missing where voxels have no known size.
 
 use super::ViewFrame;
-use crate::grid::Observation;
+use super::view_frame::trimmed;
+use crate::grid::{Dims, Observation};
 use crate::model::CAMERA_MEASURES;
+use fixedbitset::FixedBitSet;
 use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::PI;
 
 /// Steps along each side of the maps of the near and of the upper surface.
 const MAP: usize = 8;
@@ -24,9 +27,19 @@ const BENDS: usize = 9;
 const LEVELS: usize = 6;
 /// Thirds of the height in which what is known to be empty is counted.
 const THIRDS: usize = 3;
+/// Shares of the height from which on outlines from above are measured: of all, and of what is on top.
+const OUTLINED: [f64; 2] = [0.0, 0.8];
+/// Directions in which the widths of an outline are measured, over half a turn.
+const DIRECTIONS: usize = 8;
+/// Share of the points that is left out at each end of a width.
+const STRAY: f64 = 0.02;
+/// Points of an outline, at least.
+const LEAST_OUTLINE: usize = 8;
+/// Measures of an outline: widths, the least of them, and the area.
+const OUTLINE: usize = DIRECTIONS + 2;
 /// Numbers that are measured.
 pub const MEASURES: usize = CAMERA_MEASURES;
-const _: () = assert!(MEASURES == 7 + HEIGHTS + 2 * MAP * MAP + BANDS.len() * BENDS + 7 + LEVELS + THIRDS);
+const _: () = assert!(MEASURES == 7 + HEIGHTS + 2 * MAP * MAP + BANDS.len() * BENDS + 7 + LEVELS + THIRDS + OUTLINED.len() * OUTLINE + 1);
 /// Of what is not there to be measured.
 const ABSENT: f32 = -1.0;
 
@@ -35,6 +48,55 @@ const ABSENT: f32 = -1.0;
 pub struct MeasureScratch {
     /// Nearest filled voxel of each column and row of voxels, in widths from the near side.
     nearest: Vec<f64>,
+    /// From above, of what lies higher than each of [`OUTLINED`].
+    outlines: [Outline; OUTLINED.len()],
+}
+
+/// Filled voxels from above.
+#[derive(Default)]
+struct Outline {
+    /// Voxels from the middle of the box, along the frame's axes.
+    points: Vec<[f64; 2]>,
+    /// Which columns of voxels have one.
+    columns: FixedBitSet,
+    along: Vec<f64>,
+}
+
+impl Outline {
+    fn clear(&mut self, dims: Dims) {
+        self.points.clear();
+        self.columns.clear();
+        self.columns.grow(dims.columns());
+    }
+
+    /// Adds a voxel, unless its column has one.
+    fn add(&mut self, column: usize, at: &Vector3<f64>) {
+        if !self.columns.put(column) {
+            self.points.push([at.x, at.y]);
+        }
+    }
+
+    /// Widths in all directions relative to the largest, the least of them, and the area relative to the largest width's square: π / 4 for a disc,
+    /// ½ for a square, however they are turned.
+    fn measures(&mut self) -> [f64; OUTLINE] {
+        let Self { points, along, .. } = self;
+        if points.len() < LEAST_OUTLINE {
+            return [f64::from(ABSENT); OUTLINE];
+        }
+        let widths: [f64; DIRECTIONS] = std::array::from_fn(|n| {
+            let (sin, cos) = (PI * n as f64 / DIRECTIONS as f64).sin_cos();
+            along.clear();
+            along.extend(points.iter().map(|[x, y]| cos * x + sin * y));
+            let [low, high] = trimmed(along, STRAY);
+            high - low + 1.0
+        });
+        let [least, most] = widths.iter().fold([f64::INFINITY, 0.0], |[least, most], width| [width.min(least), width.max(most)]);
+        let mut out = [0.0; OUTLINE];
+        out.iter_mut().zip(widths).for_each(|(out, width)| *out = width / most);
+        out[DIRECTIONS] = least / most;
+        out[DIRECTIONS + 1] = points.len() as f64 / (most * most);
+        out
+    }
 }
 
 /// Where in the box about what is seen a point lies, shares of its sides; `None` outside.
@@ -61,6 +123,8 @@ pub fn measure(frame: &ViewFrame, observation: &Observation, voxel_m: Option<f64
     let mut widths = [[f64::INFINITY, f64::NEG_INFINITY]; HEIGHTS];
     let mut levels = [0_u32; LEVELS];
     let mut count = 0;
+    let mut lowest = 1.0_f64;
+    scratch.outlines.iter_mut().for_each(|outline| outline.clear(dims));
     let grid_to_axes = frame.grid_to_axes();
     let relative = |voxel: usize| {
         let [i, j, k] = dims.coordinates(voxel);
@@ -78,6 +142,12 @@ pub fn measure(frame: &ViewFrame, observation: &Observation, voxel_m: Option<f64
         let width = &mut widths[step(share.z, HEIGHTS)];
         *width = [width[0].min(share.y), width[1].max(share.y)];
         levels[step(share.z, LEVELS)] += 1;
+        lowest = lowest.min(share.z);
+        for (outline, from) in scratch.outlines.iter_mut().zip(OUTLINED) {
+            if share.z >= from {
+                outline.add(voxel / dims.z(), &at);
+            }
+        }
         let cell = &mut scratch.nearest[step(share.y, COLUMNS) * rows + (at.z + half.z) as usize];
         *cell = cell.min(near);
     }
@@ -122,6 +192,8 @@ pub fn measure(frame: &ViewFrame, observation: &Observation, voxel_m: Option<f64
     out.extend([inside, rim, inside - rim, near, far, covered, corners].map(|v| v as f32));
     out.extend(levels.map(|n| n as f32 / count.max(1) as f32));
     out.extend(empty.map(|n| (f64::from(n) / sides.product()) as f32));
+    scratch.outlines.iter_mut().for_each(|outline| out.extend(outline.measures().map(|v| v as f32)));
+    out.push(lowest as f32);
     debug_assert_eq!(out.len(), MEASURES);
 }
 
@@ -167,7 +239,7 @@ fn fit<I: Iterator<Item = (f64, f64)>>(seen: &impl Fn() -> I, third: &dyn Fn(f64
 mod tests {
     use super::*;
     use crate::grid::{Dims, Occupancy};
-    use std::f64::consts::FRAC_1_SQRT_2;
+    use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 
     fn seen(object: &Occupancy) -> Vec<f32> {
         // Only what a camera at −x sees of it: the nearest voxel of each row along x.
@@ -215,6 +287,26 @@ mod tests {
         assert_eq!((&unknown[3..], &small[3..]), (&small[3..], &large[3..]));
         for (n, side) in [12.0_f32, 20.0, 24.0].into_iter().enumerate() {
             assert!((small[n] - (0.001 * side).ln()).abs() < 1e-5 && (large[n] - (0.002 * side).ln()).abs() < 1e-5);
+        }
+    }
+
+    /// A disc's widths are all the same and its area is π / 4 of their square; a square's is half of its diagonal's, however it is turned.
+    #[test]
+    fn outlines_tell_a_disc_from_a_square_however_it_is_turned() {
+        let of = |is_inside: &dyn Fn(f64, f64) -> bool| {
+            let object = column(is_inside);
+            let frame = ViewFrame::new(&Observation::complete(&object), &Vector3::new(-100.0, 0.0, 30.0), &mut Vec::new()).unwrap();
+            let mut out = Vec::new();
+            measure(&frame, &Observation::complete(&object), None, &mut MeasureScratch::default(), &mut out);
+            let top = &out[MEASURES - 1 - OUTLINE..MEASURES - 1];
+            [top[DIRECTIONS], top[DIRECTIONS + 1]]
+        };
+        let [least, area] = of(&|x, y| x.hypot(y) < 12.0);
+        assert!(least > 0.9 && (area - 0.785).abs() < 0.06, "{least} {area}");
+        for angle in [0.0_f64, 0.2, 0.4, FRAC_PI_4] {
+            let (sin, cos) = angle.sin_cos();
+            let [least, area] = of(&|x, y| (cos * x + sin * y).abs() < 10.0 && (cos * y - sin * x).abs() < 10.0);
+            assert!(least < 0.8 && (area - 0.5).abs() < 0.07, "{angle}: {least} {area}");
         }
     }
 

@@ -20,6 +20,9 @@ const _: () = assert!(CELLS == (SPAN / CELL) * (SPAN / CELL) * (SPAN / CELL));
 /// Share of the filled voxels that is left out at each end of each axis.
 const TRIMMED: f64 = 0.005;
 
+/// A layer of which a larger share is known to be empty holds nothing of the object.
+const KNOWN_EMPTY: f64 = 0.5;
+
 /// Where the frame lies in a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewFrame {
@@ -112,10 +115,11 @@ impl ViewFrame {
         let mut ends = |axis: usize| {
             scratch.clear();
             scratch.extend(filled().map(|at| turn.matrix().row(axis).transpose().dot(&at)));
-            trimmed(scratch)
+            trimmed(scratch, TRIMMED)
         };
         let ends = [ends(0), ends(1), ends(2)];
-        let (low, high) = (Vector3::from(ends.map(|e| e[0] - 0.5)), Vector3::from(ends.map(|e| e[1] + 0.5)));
+        let (mut low, high) = (Vector3::from(ends.map(|e| e[0] - 0.5)), Vector3::from(ends.map(|e| e[1] + 0.5)));
+        low.z = bottom(observation, turn.matrix(), &low, &high);
         let origin = turn.inverse() * ((low + high) / 2.0);
         let unit = (high - low).max() / SEEN;
         let up = camera - origin;
@@ -207,9 +211,30 @@ impl ViewFrame {
     }
 }
 
-/// Lower and upper end of the values, without the outermost on both sides.
-fn trimmed(values: &mut [f64]) -> [f64; 2] {
-    let left_out = (TRIMMED * values.len() as f64) as usize;
+/// Where an object ends whose filled voxels end at `low.z`, voxels from the grid's centre: below them, down through what is not known to what is
+/// known to be empty, as it is below a table. The sides of shiny things often have no reading, and their lower parts are hidden by others.
+/// Where no end is known, that of the filled voxels. `turn` goes from the grid's axes to those of the box from `low` to `high`.
+fn bottom(observation: &Observation, turn: &Matrix3<f64>, low: &Vector3<f64>, high: &Vector3<f64>) -> f64 {
+    let dims = observation.dims();
+    let middle = Vector3::from(<[usize; 3]>::from(dims).map(|side| (side as f64 - 1.0) / 2.0));
+    let is_below = |i: usize, j: usize| {
+        let at = turn * (Vector3::new(i as f64, j as f64, 0.0) - middle);
+        (low.x..=high.x).contains(&at.x) && (low.y..=high.y).contains(&at.y)
+    };
+    let lowest = (low.z + 0.5 + middle.z).round().clamp(0.0, dims.z() as f64 - 1.0) as usize;
+    let columns = || (0..dims.x()).flat_map(|i| (0..dims.y()).map(move |j| (i, j))).filter(|(i, j)| is_below(*i, *j));
+    let count = columns().count() as f64;
+    let is_empty = |k: usize| {
+        let empty =
+            columns().map(|(i, j)| dims.index(i, j, k)).filter(|v| observation.known().contains(*v) && !observation.filled().contains(*v));
+        empty.count() as f64 > KNOWN_EMPTY * count
+    };
+    (0..lowest).rev().find(|k| is_empty(*k)).map_or(low.z, |k| k as f64 + 0.5 - middle.z)
+}
+
+/// Lower and upper end of the values, without the outermost on both sides: a share of all at each.
+pub(super) fn trimmed(values: &mut [f64], share: f64) -> [f64; 2] {
+    let left_out = (share * values.len() as f64) as usize;
     let last = values.len() - 1 - left_out;
     let low = *values.select_nth_unstable_by(left_out, f64::total_cmp).1;
     let high = *values.select_nth_unstable_by(last, f64::total_cmp).1;
@@ -219,7 +244,7 @@ fn trimmed(values: &mut [f64]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Dims, Occupancy};
+    use crate::grid::{Dims, EMPTY, FILLED, Occupancy, UNKNOWN};
 
     /// A box of 12 × 6 × 4 voxels, known all around, seen from −y: x of the frame is +y of the grid.
     #[test]
@@ -262,6 +287,35 @@ mod tests {
         let back = frame.placed(crate::grid::yaw_of(&rotation), scale, &place);
         assert!((back.translation_voxels - placed.translation_voxels).norm() < 1e-9 && (back.scale - 0.9).abs() < 1e-9);
         assert!(back.rotation.angle_to(&placed.rotation) < 1e-6);
+    }
+
+    /// A lid high above a table, with nothing seen between them, ends on the table; without a table, or if it floats, where it ends itself.
+    #[test]
+    fn what_has_no_readings_reaches_down_to_what_is_empty() {
+        let dims = Dims::cube(30).unwrap();
+        let lid = Occupancy::from_fn(dims, |i, j, k| (9..21).contains(&i) && (9..21).contains(&j) && k == 24);
+        let frame_of = |is_empty: &dyn Fn(usize, usize, usize) -> bool| {
+            let code = |voxel: usize| {
+                let [i, j, k] = dims.coordinates(voxel);
+                if lid.is_filled(i, j, k) {
+                    FILLED
+                } else if is_empty(i, j, k) {
+                    EMPTY
+                } else {
+                    UNKNOWN
+                }
+            };
+            let mut seen = Observation::unknown(dims);
+            seen.read(&(0..dims.voxels()).map(code).collect::<Vec<_>>()).unwrap();
+            ViewFrame::new(&seen, &Vector3::new(-60.0, 0.0, 50.0), &mut Vec::new()).unwrap()
+        };
+        let height = |frame: &ViewFrame| 2.0 * frame.half_voxels().z;
+        let of_table = frame_of(&|_, _, k| k < 5);
+        assert!((height(&of_table) - 20.0).abs() < 1e-9 && (of_table.origin.z - (15.0 - 15.0)).abs() < 1e-9, "{}", of_table.origin);
+        assert!((height(&frame_of(&|_, _, _| false)) - 1.0).abs() < 1e-9);
+        assert!((height(&frame_of(&|_, _, k| k < 24)) - 1.0).abs() < 1e-9);
+        // What is seen beside and in front of it is not below it.
+        assert!((height(&frame_of(&|i, j, k| k < 5 || k < 24 && (i < 9 || j < 8))) - 20.0).abs() < 1e-9);
     }
 
     #[test]
