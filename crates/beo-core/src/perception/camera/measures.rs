@@ -76,8 +76,8 @@ impl Outline {
         }
     }
 
-    /// Widths in all directions relative to the largest, the least of them, and the area relative to the largest width's square: π / 4 for a disc,
-    /// ½ for a square, however they are turned.
+    /// Widths in all directions relative to the largest, the least of them, and the area relative to the largest width's square: π / 4 for a disc
+    /// and ½ for a square, however they are turned, and somewhat more as widths leave the outermost points out.
     fn measures(&mut self) -> [f64; OUTLINE] {
         let Self { points, along, .. } = self;
         if points.len() < LEAST_OUTLINE {
@@ -302,11 +302,11 @@ mod tests {
             [top[DIRECTIONS], top[DIRECTIONS + 1]]
         };
         let [least, area] = of(&|x, y| x.hypot(y) < 12.0);
-        assert!(least > 0.9 && (area - 0.785).abs() < 0.06, "{least} {area}");
+        assert!(least > 0.95 && (0.785..0.92).contains(&area), "{least} {area}");
         for angle in [0.0_f64, 0.2, 0.4, FRAC_PI_4] {
             let (sin, cos) = angle.sin_cos();
             let [least, area] = of(&|x, y| (cos * x + sin * y).abs() < 10.0 && (cos * y - sin * x).abs() < 10.0);
-            assert!(least < 0.8 && (area - 0.5).abs() < 0.07, "{angle}: {least} {area}");
+            assert!(least < 0.85 && (0.5..0.7).contains(&area), "{angle}: {least} {area}");
         }
     }
 

@@ -20,8 +20,10 @@ const _: () = assert!(CELLS == (SPAN / CELL) * (SPAN / CELL) * (SPAN / CELL));
 /// Share of the filled voxels that is left out at each end of each axis.
 const TRIMMED: f64 = 0.005;
 
-/// A layer of which a larger share is known to be empty holds nothing of the object.
-const KNOWN_EMPTY: f64 = 0.5;
+/// A layer of which a larger share is known to be empty lies below a table.
+const BELOW_TABLE: f64 = 0.97;
+/// What is below an object is seen through where a larger share of a layer is known to be empty.
+const SEEN_THROUGH: f64 = 0.5;
 
 /// Where the frame lies in a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -211,9 +213,10 @@ impl ViewFrame {
     }
 }
 
-/// Where an object ends whose filled voxels end at `low.z`, voxels from the grid's centre: below them, down through what is not known to what is
-/// known to be empty, as it is below a table. The sides of shiny things often have no reading, and their lower parts are hidden by others.
-/// Where no end is known, that of the filled voxels. `turn` goes from the grid's axes to those of the box from `low` to `high`.
+/// Where an object ends whose filled voxels end at `low.z`, voxels from the grid's centre: on the table, if nothing is known of what is between.
+/// The sides of shiny things often have no reading, and their lower parts are hidden by others. A layer that is known to be empty as far as the
+/// grid goes is below a table: without one, some of it would lie in the object's shadow. `turn` goes from the grid's axes to those of the box
+/// from `low` to `high`.
 fn bottom(observation: &Observation, turn: &Matrix3<f64>, low: &Vector3<f64>, high: &Vector3<f64>) -> f64 {
     let dims = observation.dims();
     let middle = Vector3::from(<[usize; 3]>::from(dims).map(|side| (side as f64 - 1.0) / 2.0));
@@ -222,14 +225,26 @@ fn bottom(observation: &Observation, turn: &Matrix3<f64>, low: &Vector3<f64>, hi
         (low.x..=high.x).contains(&at.x) && (low.y..=high.y).contains(&at.y)
     };
     let lowest = (low.z + 0.5 + middle.z).round().clamp(0.0, dims.z() as f64 - 1.0) as usize;
-    let columns = || (0..dims.x()).flat_map(|i| (0..dims.y()).map(move |j| (i, j))).filter(|(i, j)| is_below(*i, *j));
-    let count = columns().count() as f64;
-    let is_empty = |k: usize| {
-        let empty =
-            columns().map(|(i, j)| dims.index(i, j, k)).filter(|v| observation.known().contains(*v) && !observation.filled().contains(*v));
-        empty.count() as f64 > KNOWN_EMPTY * count
-    };
-    (0..lowest).rev().find(|k| is_empty(*k)).map_or(low.z, |k| k as f64 + 0.5 - middle.z)
+    for k in (0..lowest).rev() {
+        let (mut all, mut below) = ([0_u32; 2], [0_u32; 2]);
+        for (i, j) in (0..dims.x()).flat_map(|i| (0..dims.y()).map(move |j| (i, j))) {
+            let voxel = dims.index(i, j, k);
+            let is_empty = observation.known().contains(voxel) && !observation.filled().contains(voxel);
+            let count = |[empty, of]: &mut [u32; 2]| (*empty, *of) = (*empty + u32::from(is_empty), *of + 1);
+            count(&mut all);
+            if is_below(i, j) {
+                count(&mut below);
+            }
+        }
+        let share = |[empty, of]: [u32; 2]| f64::from(empty) / f64::from(of.max(1));
+        if share(all) > BELOW_TABLE {
+            return k as f64 + 0.5 - middle.z;
+        }
+        if share(below) > SEEN_THROUGH {
+            break;
+        }
+    }
+    low.z
 }
 
 /// Lower and upper end of the values, without the outermost on both sides: a share of all at each.
@@ -314,8 +329,11 @@ mod tests {
         assert!((height(&of_table) - 20.0).abs() < 1e-9 && (of_table.origin.z - (15.0 - 15.0)).abs() < 1e-9, "{}", of_table.origin);
         assert!((height(&frame_of(&|_, _, _| false)) - 1.0).abs() < 1e-9);
         assert!((height(&frame_of(&|_, _, k| k < 24)) - 1.0).abs() < 1e-9);
-        // What is seen beside and in front of it is not below it.
+        // What is seen beside and in front of it is not below it; what is seen behind it, without a table, is not one.
         assert!((height(&frame_of(&|i, j, k| k < 5 || k < 24 && (i < 9 || j < 8))) - 20.0).abs() < 1e-9);
+        assert!((height(&frame_of(&|i, _, k| k < 5 && i < 25)) - 1.0).abs() < 1e-9);
+        // It floats above a table.
+        assert!((height(&frame_of(&|i, _, k| k < 5 || (15..24).contains(&k) && (9..21).contains(&i))) - 1.0).abs() < 1e-9);
     }
 
     #[test]
