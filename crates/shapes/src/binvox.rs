@@ -68,7 +68,9 @@ fn header(bytes: &[u8]) -> Result<(Dims, usize, f64), FormatError> {
     };
     let mut dims = None;
     let mut scale = 1.0;
-    for line in 1.. {
+    let mut line = 0;
+    loop {
+        line += 1;
         let end = bytes[start..].windows(line_end.len()).position(|window| window == line_end).map(|n| start + n);
         let Some(end) = end else {
             return Err(line_error(line, "the header ends without a line `data`: the file is incomplete"));
@@ -116,7 +118,6 @@ fn header(bytes: &[u8]) -> Result<(Dims, usize, f64), FormatError> {
             }
         }
     }
-    unreachable!("the loop ends by returning")
 }
 
 /// Writes `object` as binvox, without a unit.

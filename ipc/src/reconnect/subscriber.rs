@@ -112,18 +112,18 @@ impl ReconnectingSubscriber {
     /// # Errors
     /// [`ReconnectError::Descriptor`] if the process has no descriptors left.
     pub fn file_descriptor(&mut self) -> Result<BorrowedFd<'_>, ReconnectError> {
-        if self.descriptor.is_none() {
-            let descriptor = Descriptor::new()?;
-            descriptor.tick_every(self.look.interval)?;
-            if let Some(link) = &self.link {
-                descriptor.watch(link)?;
+        let descriptor = match self.descriptor.take() {
+            Some(descriptor) => descriptor,
+            None => {
+                let descriptor = Descriptor::new()?;
+                descriptor.tick_every(self.look.interval)?;
+                if let Some(link) = &self.link {
+                    descriptor.watch(link)?;
+                }
+                descriptor
             }
-            self.descriptor = Some(descriptor);
-        }
-        match &self.descriptor {
-            Some(descriptor) => Ok(descriptor.epoll.as_fd()),
-            None => unreachable!("made above"),
-        }
+        };
+        Ok(self.descriptor.insert(descriptor).epoll.as_fd())
     }
 
     /// Whether a daemon serves the instance, as far as is known since the last wait.

@@ -16,7 +16,7 @@ pub struct Lattice {
     centres: [Vec<f32>; 3],
 }
 
-/// What is seen of the voxels of a lattice: a bit for each, from the first voxel on, in words of [`WORD`].
+/// An observation sampled at the voxels of a lattice: a bit for each, from the first voxel on, in words of [`WORD`].
 #[derive(Default)]
 pub struct Sampled {
     /// Known to be filled or empty.
@@ -44,7 +44,7 @@ pub fn list(words: impl Iterator<Item = u64>, places: &mut Vec<u32>) {
     }
 }
 
-/// What is known of every voxel of a grid, a byte each, and of the space beyond.
+/// The codes of all voxels of a grid, a byte each, and the code of the space beyond.
 #[derive(Default)]
 pub struct Codes(Vec<u8>);
 
@@ -224,7 +224,7 @@ mod tests {
         assert!(nearest_squared(27, coefficients(27)) >= 9);
     }
 
-    /// What the lattice samples is what moving all voxels gives there.
+    /// A sample at the lattice equals the observation that was moved as a whole.
     #[test]
     fn the_lattice_samples_the_moved_observation() {
         let seen: Observation = View::Top.of(&unseen("chair", 3));

@@ -7,7 +7,6 @@
 
 use super::conditional::{BLOCK, ClassGram, Conditional, SharedScratch, add_gram, stride};
 use super::prediction::{Posterior, Predicted};
-use super::thinned::ThinnedClass;
 use crate::grid::Dims;
 use crate::lanes::{Kernel, LANES, Lanes, dispatch, multiply_add, widen};
 use crate::linear::{LinearError, dot64};
@@ -194,10 +193,10 @@ impl ClassSubspace {
         self.prior.solve(noise, out)
     }
 
-    /// The class on some of the voxels only; none where nothing is derived over voxels.
-    pub fn thinned(&self, voxels: &[usize]) -> Option<ThinnedClass> {
+    /// The prior, and the rows [W_s, μ_s, 1] of all voxels; none where nothing is derived over voxels.
+    pub(super) fn derived(&self) -> Option<(&ClassGram, &Rows)> {
         match &self.rows {
-            ClassRows::Derived { rows, .. } => Some(ThinnedClass::new(&self.prior, rows, voxels)),
+            ClassRows::Derived { rows, .. } => Some((&self.prior, rows)),
             ClassRows::Shared { .. } => None,
         }
     }

@@ -84,7 +84,7 @@ impl ThinnedModel {
     pub fn new(dims: Dims, classes: &[ClassSubspace]) -> Option<Self> {
         let of = |voxels: usize| {
             let lattice = Lattice::one_of((dims.voxels() / voxels).max(1), dims);
-            let classes = classes.iter().map(|class| class.thinned(lattice.voxels())).collect::<Option<_>>()?;
+            let classes = classes.iter().map(|class| ThinnedClass::of(class, lattice.voxels())).collect::<Option<_>>()?;
             Some(ThinnedClasses { lattice, classes })
         };
         Some(Self { coarse: of(COARSE_VOXELS)?, fine: of(FINE_VOXELS)? })
@@ -131,8 +131,13 @@ impl ThinnedEvidence<'_> {
 }
 
 impl ThinnedClass {
+    /// A class on some of the voxels only; none where nothing is derived over voxels.
+    pub fn of(class: &ClassSubspace, voxels: &[usize]) -> Option<Self> {
+        class.derived().map(|(prior, rows)| Self::new(prior, rows, voxels))
+    }
+
     /// A class with this prior and these rows.
-    pub fn new(prior: &ClassGram, rows: &Rows, voxels: &[usize]) -> Self {
+    fn new(prior: &ClassGram, rows: &Rows, voxels: &[usize]) -> Self {
         let stride = rows.stride();
         let mut wide = vec![0.0; voxels.len() * stride];
         for (voxel, wide) in voxels.iter().zip(wide.chunks_exact_mut(stride)) {
@@ -212,7 +217,7 @@ mod tests {
         let all = ThinnedClasses { lattice: Lattice::one_of(1, dims), classes: Vec::new() };
         let of = |of: usize| {
             let lattice = Lattice::one_of(of, dims);
-            let classes = evidence.subspaces.iter().map(|class| class.thinned(lattice.voxels()).unwrap()).collect();
+            let classes = evidence.subspaces.iter().map(|class| ThinnedClass::of(class, lattice.voxels()).unwrap()).collect();
             ThinnedClasses { lattice, classes }
         };
         assert_eq!(all.lattice.share(), 1.0);
