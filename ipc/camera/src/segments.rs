@@ -1,6 +1,7 @@
 //! The pixels of each label, found in one pass over the image.
 
 use crate::Frame;
+use std::ops::Range;
 
 /// Which pixels with a depth reading carry each label.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,20 +50,14 @@ impl Segments {
         let mut present = vec![false; size];
         let mut starts = vec![0; size + 1];
         // Neighbours mostly have the same label.
-        let mut runs: Vec<(u16, [u32; 2])> = Vec::new();
-        let mut start = 0;
-        while let Some(label) = labels.get(start).copied() {
-            let end = start + alike(&labels[start..]);
-            if label < least {
-                present[usize::from(label)] = true;
-                start = end;
-                continue;
-            }
-            let readings = depths[start..end].iter().map(|depth| u32::from(Frame::is_reading(*depth))).sum::<u32>();
+        let mut runs: Vec<(u16, Range<usize>)> = Vec::new();
+        for (label, pixels) in runs_of(labels) {
             present[usize::from(label)] = true;
-            starts[usize::from(label) + 1] += readings;
-            runs.push((label, [start as u32, end as u32]));
-            start = end;
+            if label >= least {
+                starts[usize::from(label) + 1] +=
+                    depths[pixels.clone()].iter().map(|depth| u32::from(Frame::is_reading(*depth))).sum::<u32>();
+                runs.push((label, pixels));
+            }
         }
         for label in 0..size {
             starts[label + 1] += starts[label] + 1;
@@ -70,11 +65,11 @@ impl Segments {
         let mut ends = starts.clone();
         // What is no reading is written too, and then written over, at last in the place more: no branch depends on the depth.
         let mut pixels = vec![0; starts[size] as usize];
-        for (label, [start, stop]) in runs {
+        for (label, run) in runs {
             let end = &mut ends[usize::from(label)];
-            for pixel in start..stop {
-                pixels[*end as usize] = pixel;
-                *end += u32::from(Frame::is_reading(depths[pixel as usize]));
+            for pixel in run {
+                pixels[*end as usize] = pixel as u32;
+                *end += u32::from(Frame::is_reading(depths[pixel]));
             }
         }
         Self { present, starts, pixels }
@@ -93,6 +88,17 @@ impl Segments {
     pub fn objects(&self, support: Option<u16>) -> impl Iterator<Item = u16> {
         (1..self.present.len()).filter(|label| self.present[*label]).map(|label| label as u16).filter(move |label| Some(*label) != support)
     }
+}
+
+/// The runs of pixels with the same label, in order.
+pub fn runs_of(labels: &[u16]) -> impl Iterator<Item = (u16, Range<usize>)> {
+    let mut start = 0;
+    std::iter::from_fn(move || {
+        let label = *labels.get(start)?;
+        let run = start..start + alike(&labels[start..]);
+        start = run.end;
+        Some((label, run))
+    })
 }
 
 /// How many values at the start of some are alike.

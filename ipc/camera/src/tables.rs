@@ -12,6 +12,7 @@ use crate::plan_view::{area, convex_hull};
 use crate::rays::Rays;
 use crate::regions::{Regions, Run, Window};
 use crate::scene::{LocalSupport, Scene};
+use crate::segments::runs_of;
 use crate::supports::Supports;
 use crate::table_surface::TableSurface;
 use nalgebra::{Vector2, Vector3};
@@ -106,7 +107,7 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     }
     state.clear();
     state.extend(raised.iter().map(|z| if z.is_nan() { 0 } else { WANTED }));
-    let wanted: Vec<u32> = (0..depth.len() as u32).filter(|pixel| state[*pixel as usize] == WANTED).collect();
+    let wanted = all_wanted(state);
     links.find(raised, width, &Joint::new(rays, sensor));
     let found = pieces_by_core(links, &wanted, state);
     let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
@@ -212,7 +213,11 @@ fn touching(labels: &[u16], width: usize) -> std::collections::BTreeSet<[u16; 2]
     let mut found = std::collections::BTreeSet::new();
     let mut last = [0, 0];
     let mut meet = |a: &[u16], b: &[u16]| {
-        for (a, b) in a.iter().zip(b).filter(|(a, b)| (a != b) & (**a > 0) & (**b > 0)) {
+        let differ = |a: &u16, b: &u16| (a != b) & (*a > 0) & (*b > 0);
+        // Nowhere among many, mostly.
+        let some =
+            a.chunks(TOGETHER).zip(b.chunks(TOGETHER)).filter(|(a, b)| a.iter().zip(*b).fold(false, |any, (a, b)| any | differ(a, b)));
+        for (a, b) in some.flat_map(|(a, b)| a.iter().zip(b)).filter(|(a, b)| differ(a, b)) {
             let pair = [*a.min(b), *a.max(b)];
             if pair != last {
                 found.insert(pair);
@@ -339,6 +344,18 @@ const WANTED: u8 = 1;
 const CORE: u8 = 2;
 const DONE: u8 = 3;
 
+/// Pixels that are looked at together.
+const TOGETHER: usize = 32;
+
+/// The pixels whose state is `WANTED`, where that of all others is 0.
+fn all_wanted(state: &[u8]) -> Vec<u32> {
+    let mut found = Vec::new();
+    for (n, some) in state.chunks(TOGETHER).enumerate().filter(|(_, some)| some.iter().fold(0, |any, state| any | state) != 0) {
+        found.extend(some.iter().zip(n * TOGETHER..).filter(|(state, _)| **state == WANTED).map(|(_, pixel)| pixel as u32));
+    }
+    found
+}
+
 /// Pieces whose readings hang together through readings that are joined to all their neighbours, with what borders on them: so that what
 /// is smeared between two objects does not bridge them. What is too thin for that makes pieces of its own.
 fn pieces_by_core(links: &Links, wanted: &[u32], state: &mut [u8]) -> Vec<Piece> {
@@ -383,7 +400,7 @@ struct Border {
 /// reach the border of the window; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
 fn fill(labels: &mut [u16], width: usize, window: Window, is_free: impl Fn(usize) -> bool, least_share: f64) {
     let mut sizes = vec![0_usize; usize::from(labels.iter().copied().max().unwrap_or(0)) + 1];
-    labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
+    runs_of(labels).for_each(|(label, run)| sizes[usize::from(label)] += run.len());
     let height = labels.len() / width;
     let regions = Regions::find(width, window, |pixel| labels[pixel] == 0 && is_free(pixel));
     let mut borders = vec![Border::default(); regions.count()];
