@@ -27,6 +27,7 @@ pub fn ask(query: &mut Query, header: &ObservationHeader, known: PoseSearch) {
         _ => known,
     };
     query.lying = beo_ipc::PoseSearch::from_code(header.pose_search) == Some(beo_ipc::PoseSearch::Rest);
+    query.is_cut = header.cut & beo_ipc::cut::ALL != 0;
     query.voxel_size_m = (beo_ipc::Unit::from_code(header.unit) == Some(beo_ipc::Unit::Metres)).then_some(voxel);
     query.outside = match beo_ipc::Outside::from_code(header.outside) {
         Some(beo_ipc::Outside::Unknown) => Outside::Unknown,
@@ -51,8 +52,14 @@ mod tests {
 
     fn asked(header: &ObservationHeader) -> Query {
         // Whatever an observation before it has asked.
-        let mut query =
-            Query { lying: true, camera: Some(Vector3::z()), voxel_size_m: Some(7.0), pose: PoseSearch::Full, ..Query::default() };
+        let mut query = Query {
+            lying: true,
+            is_cut: true,
+            camera: Some(Vector3::z()),
+            voxel_size_m: Some(7.0),
+            pose: PoseSearch::Full,
+            ..Query::default()
+        };
         ask(&mut query, header, PoseSearch::Known);
         query
     }
@@ -93,9 +100,11 @@ mod tests {
     }
 
     #[test]
-    fn frame_and_surroundings_are_the_headers() {
+    fn frame_and_surroundings_and_what_cuts_are_the_headers() {
         let plain = asked(&PLAIN);
         assert_eq!((plain.outside, plain.frame), (Outside::Empty, CompletionFrame::Grid));
+        let by = |cut: u32| asked(&ObservationHeader { cut, ..PLAIN }).is_cut;
+        assert_eq!([0, beo_ipc::cut::BORDER, beo_ipc::cut::OCCLUDER].map(by), [false, true, true]);
         let (outside, frame) = (beo_ipc::Outside::Unknown.code(), beo_ipc::CompletionFrame::Object.code());
         let query = asked(&ObservationHeader { outside, completion_frame: frame, ..PLAIN });
         assert_eq!((query.outside, query.frame), (Outside::Unknown, CompletionFrame::Object));

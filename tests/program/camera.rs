@@ -91,7 +91,7 @@ pub fn beo_camera(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, St
 }
 
 /// Percepts until there are so many.
-fn percepts(subscriber: &Subscriber, count: usize) -> Vec<Percept> {
+pub fn percepts(subscriber: &Subscriber, count: usize) -> Vec<Percept> {
     let start = Instant::now();
     let mut percepts = Vec::new();
     while percepts.len() < count {

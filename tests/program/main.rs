@@ -13,6 +13,7 @@ mod household;
 mod injection;
 mod large;
 mod leave_one_out;
+mod masks;
 mod operations;
 mod pictures;
 mod pose;

@@ -35,6 +35,10 @@ pub fn cut(rays: &Rays, depth: &[f32], labels: &[u16], joint: &Joint, pixels: &[
         let pixel = *pixel as usize;
         let (u, v) = ((pixel % width) as isize, (pixel / width) as isize);
         let (z, label) = (depth[pixel], labels[pixel]);
+        let is_inner = u > 0 && v > 0 && u + 1 < width as isize && v + 1 < height as isize;
+        if is_inner && [pixel - width, pixel - 1, pixel + 1, pixel + width].iter().all(|beside| labels[*beside] == label) {
+            continue;
+        }
         for [down, right] in crate::joining::FOUR {
             let inside = |steps: isize| {
                 let (u, v) = (u + steps * right, v + steps * down);

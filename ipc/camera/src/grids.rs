@@ -288,7 +288,7 @@ impl Observer {
         };
         let labels = segments.as_deref().unwrap_or(frame.labels());
         self.state.resize(depth.len(), 0);
-        let masked = Segments::new(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
+        let masked = Segments::of_objects(&Frame::new(frame.intrinsics(), &depth, labels).expect("the images have the camera's size"));
         let scene = Scene { rays: &rays, depth: &depth, labels, sensor: &options.sensor, joint: Joint::new(&rays, &options.sensor) };
         let search = SupportSearch {
             up: options.gravity.map(|gravity| -gravity),
@@ -303,6 +303,7 @@ impl Observer {
         let mut cleaned = vec![0; depth.len()];
         let mut flying = Vec::new();
         let mut found = Vec::new();
+        let mut own: Vec<(u16, Vec<u32>)> = Vec::new();
         for (object, mask) in masks.iter().filter(|(object, _)| support_labels.binary_search(object).is_err()) {
             if mask.is_empty() {
                 found.push((*object, 0, None, Quality::default()));
@@ -320,12 +321,13 @@ impl Observer {
                 ..Quality::default()
             };
             found.push((*object, mask.len(), local, quality));
+            own.push((*object, readings.pixels));
         }
         in_front_of_edges(&mut depth, rays.width(), &flying);
         let up = supports.as_ref().map(|supports| supports.up);
         let joint = Joint::new(&rays, &options.sensor);
         let mut objects = Vec::with_capacity(found.len());
-        let own = Segments::new(&Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size"));
+        let own = Segments::of_pixels(&own);
         let mut smooth = depth.clone();
         for (object, masked, local, mut quality) in found {
             let clean = Frame::new(frame.intrinsics(), &depth, &cleaned).expect("the images have the camera's size");
@@ -351,7 +353,7 @@ impl Observer {
                 let mut sensor = options.sensor;
                 // Where the voxels are coarser than the noise, there is nothing to gain.
                 if sensor.half_band(middle) > 0.5 * grid.voxel_size_m() {
-                    let (z, left) = consensus(&depth, &cleaned, rays.width(), &joint, pixels);
+                    let (z, left) = consensus(&depth, rays.width(), &joint, pixels);
                     pixels.iter().zip(z).for_each(|(pixel, z)| smooth[*pixel as usize] = z);
                     (sensor.constant_m, sensor.quadratic_per_m) = (sensor.constant_m * left, sensor.quadratic_per_m * left);
                 }

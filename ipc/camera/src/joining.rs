@@ -74,34 +74,6 @@ pub struct Piece {
     pub pixels: Vec<u32>,
 }
 
-/// The pieces of the pixels whose `state` is `wanted`: neighbours (of eight) hang together where their readings do. Their state becomes
-/// `done`. The largest piece comes first.
-pub fn pieces(rays: &Rays, depth: &[f32], joint: &Joint, pixels: &[u32], state: &mut [u8], wanted: u8, done: u8) -> Vec<Piece> {
-    let (width, height) = (rays.width(), rays.height());
-    let mut found = Vec::new();
-    for start in pixels {
-        if state[*start as usize] != wanted {
-            continue;
-        }
-        state[*start as usize] = done;
-        let mut piece = vec![*start];
-        let mut next = 0;
-        while let Some(pixel) = piece.get(next).copied() {
-            next += 1;
-            let z = depth[pixel as usize];
-            for other in neighbours(EIGHT, pixel as usize, width, height) {
-                if state[other] == wanted && joint.joins(z, depth[other]) {
-                    state[other] = done;
-                    piece.push(other as u32);
-                }
-            }
-        }
-        found.push(Piece { pixels: piece });
-    }
-    found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
-    found
-}
-
 /// Points of a piece that distances are measured by, at most.
 const SAMPLES: usize = 160;
 

@@ -14,6 +14,7 @@
 //! | `plan_view`, `table_surface` | points as seen from above a plane; a table as the sensor bends it, and its outline |
 //! | `tables`, `tracking` | objects without masks: what stands on a plane; their numbers from frame to frame |
 //! | `joining`, `links`, `own_readings` | which neighbours lie on one surface; which readings of a mask are the object's own |
+//! | `patch` | a rectangle of the depth image about some pixels |
 //! | `regions` | pixels that hang together along rows and columns |
 //! | `interior` | low readings that an object encloses: the floors of vessels |
 //! | `consensus`, `cut` | the surface by neighbouring readings; what cuts an object off |
@@ -41,6 +42,7 @@ mod lens;
 mod links;
 mod own_readings;
 mod parallel;
+mod patch;
 mod placement;
 mod plan_view;
 mod planes;

@@ -49,6 +49,12 @@ impl Links {
         self.bits[pixel] == u8::MAX
     }
 
+    /// How many neighbours a pixel lies on one surface with.
+    #[inline]
+    pub fn count(&self, pixel: usize) -> u32 {
+        self.bits[pixel].count_ones()
+    }
+
     /// The neighbours that a pixel lies on one surface with.
     #[inline]
     pub fn of(&self, pixel: usize) -> impl Iterator<Item = usize> {
@@ -60,8 +66,8 @@ impl Links {
         })
     }
 
-    /// The pieces of those of the `pixels` whose `state` is `wanted`, as [`crate::joining::pieces`] finds them: their state becomes `done`,
-    /// and the largest comes first.
+    /// The pieces of those of the `pixels` whose `state` is `wanted`: neighbours hang together where they lie on one surface. Their state
+    /// becomes `done`. The largest piece comes first.
     pub fn pieces(&self, pixels: &[u32], state: &mut [u8], wanted: u8, done: u8) -> Vec<Piece> {
         let mut found = Vec::new();
         for start in pixels {
@@ -104,9 +110,37 @@ fn set(bits: &mut [u8], joined: &[u8], bit: u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::joining::{neighbours, pieces};
+    use crate::joining::neighbours;
     use crate::rays::Rays;
     use crate::{Intrinsics, SensorModel};
+
+    /// The pieces of the pixels whose `state` is `wanted`: neighbours (of eight) hang together where their readings do. Their state becomes
+    /// `done`. The largest piece comes first.
+    fn pieces(rays: &Rays, depth: &[f32], joint: &Joint, pixels: &[u32], state: &mut [u8], wanted: u8, done: u8) -> Vec<Piece> {
+        let (width, height) = (rays.width(), rays.height());
+        let mut found = Vec::new();
+        for start in pixels {
+            if state[*start as usize] != wanted {
+                continue;
+            }
+            state[*start as usize] = done;
+            let mut piece = vec![*start];
+            let mut next = 0;
+            while let Some(pixel) = piece.get(next).copied() {
+                next += 1;
+                let z = depth[pixel as usize];
+                for other in neighbours(EIGHT, pixel as usize, width, height) {
+                    if state[other] == wanted && joint.joins(z, depth[other]) {
+                        state[other] = done;
+                        piece.push(other as u32);
+                    }
+                }
+            }
+            found.push(Piece { pixels: piece });
+        }
+        found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
+        found
+    }
 
     #[test]
     fn links_lead_to_the_neighbours_on_the_same_surface_and_make_the_same_pieces() {

@@ -8,7 +8,9 @@
 //! 3. Of what remains, the largest piece, with every piece near it in space or cut off from it by something nearer. The rest is far.
 
 use crate::interior::enclosed;
-use crate::joining::{EIGHT, nearest, neighbours, pieces, samples};
+use crate::joining::{nearest, samples};
+use crate::links::Links;
+use crate::patch::Patch;
 use crate::scene::{LocalSupport, Scene};
 use nalgebra::Vector3;
 
@@ -44,7 +46,7 @@ const ALIKE: f32 = 10.0;
 const FLAT_PIXELS: usize = 2;
 const FLAT_SHARE: f32 = 0.6;
 /// Neighbours of eight that a reading must be joined to.
-const LEAST_NEIGHBOURS: usize = 3;
+const LEAST_NEIGHBOURS: u32 = 3;
 /// Pieces nearer than this hang together, metres, or than so many pixels.
 const GAP_M: f32 = 0.02;
 const GAP_PIXELS: f32 = 6.0;
@@ -127,7 +129,6 @@ fn attempt(
     strict: bool,
     state: &mut [u8],
 ) -> OwnReadings {
-    let (width, height) = (scene.rays.width(), scene.rays.height());
     let mut found = OwnReadings::default();
     let mut low: Vec<(u32, f32)> = Vec::new();
     if let Some(support) = support {
@@ -141,17 +142,17 @@ fn attempt(
     } else {
         mask.iter().for_each(|pixel| state[*pixel as usize] = HIGH);
     }
-    let flying: Vec<u32> = mask
-        .iter()
-        .copied()
-        .filter(|pixel| {
-            let z = scene.depth[*pixel as usize];
-            let joined = |other: &usize| matches!(state[*other], HIGH | FLYING) && scene.joint.joins(z, scene.depth[*other]);
-            state[*pixel as usize] == HIGH && neighbours(EIGHT, *pixel as usize, width, height).filter(joined).count() < LEAST_NEIGHBOURS
-        })
-        .collect();
-    flying.iter().for_each(|pixel| state[*pixel as usize] = FLYING);
-    let all = pieces(scene.rays, scene.depth, &scene.joint, mask, state, HIGH, DONE);
+    let high: Vec<u32> = mask.iter().copied().filter(|pixel| state[*pixel as usize] == HIGH).collect();
+    let patch = Patch::of(scene.depth, scene.rays.width(), &high, 0);
+    let mut links = Links::default();
+    links.find(patch.z(), patch.width(), &scene.joint);
+    let flying: Vec<u32> = high.iter().copied().filter(|pixel| links.count(patch.place(*pixel)) < LEAST_NEIGHBOURS).collect();
+    let places: Vec<u32> = high.iter().map(|pixel| patch.place(*pixel) as u32).collect();
+    let mut at_places = vec![NONE; patch.z().len()];
+    places.iter().for_each(|place| at_places[*place as usize] = HIGH);
+    flying.iter().for_each(|pixel| at_places[patch.place(*pixel)] = FLYING);
+    let mut all = links.pieces(&places, &mut at_places, HIGH, DONE);
+    all.iter_mut().for_each(|piece| piece.pixels.iter_mut().for_each(|place| *place = patch.pixel(*place)));
     let (mut main, far) = main_pieces(scene, &all);
     let mut at_support = low.len();
     if let Some(support) = support {

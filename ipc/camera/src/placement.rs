@@ -205,7 +205,7 @@ fn has_neighbours(frame: &Frame<'_>, sensor: &SensorModel, pixel: usize) -> bool
     let near = 0.01_f64.max(6.0 * sensor.deviation(depth));
     let alike =
         |other: &usize| frame.label(*other) == frame.label(pixel) && frame.depth(*other).is_some_and(|other| (other - depth).abs() < near);
-    beside.iter().flatten().filter(|other| alike(other)).count() >= 2
+    beside.iter().flatten().filter(|other| alike(other)).nth(1).is_some()
 }
 
 /// Lower and upper end of the values, without the outermost on both sides.

@@ -341,6 +341,29 @@ mod tests {
         assert!((found.corrected_rad.unwrap().to_degrees() - 6.0).abs() < 0.5);
     }
 
+    /// A low table on the table: things 1 on the table and 3 on the low one, both with the floor 0.7 m below in sight.
+    #[test]
+    fn of_several_tables_each_thing_stands_on_the_highest_one_below_it() {
+        let things = [
+            Thing::Box([-0.2, 0.5], [0.03, 0.03], 0.09),
+            Thing::Box([0.22, 0.6], [0.17, 0.25], 0.12),
+            Thing::Box([0.2, 0.5], [0.03, 0.03], 0.12 + 0.07),
+        ];
+        let scene = TestScene::new(&things, 1.0);
+        let labels: Vec<u16> = scene.labels.iter().map(|label| if *label == 2 { 0 } else { *label }).collect();
+        let sensor = SensorModel::default();
+        let looked_at =
+            Scene { rays: &scene.rays, depth: &scene.depth, labels: &labels, sensor: &sensor, joint: Joint::new(&scene.rays, &sensor) };
+        let [first, third] = [1, 3].map(|label| scene.pixels(&labels, label));
+        let found = find_supports(&looked_at, &[(1, &first[..]), (3, &third[..])], &SupportSearch::default()).unwrap();
+        assert!(found.up.angle(&scene.table.normal()) < 0.5_f64.to_radians());
+        for (mask, above) in [(&first, 0.0), (&third, 0.12)] {
+            let local = local_support(&looked_at, mask, &found).unwrap();
+            let height = scene.table.offset() - local.plane.offset();
+            assert!((height - above).abs() < 0.003, "{height} m above the table, {above} m are true");
+        }
+    }
+
     #[test]
     fn a_bent_table_is_level_around_each_object() {
         let mut scene = TestScene::new(&[Thing::Box([-0.25, 0.45], [0.03, 0.03], 0.02)], 0.3);

@@ -9,9 +9,11 @@ use crate::joining::{Joint, Piece, nearest, samples};
 use crate::links::Links;
 use crate::own_readings::percentile;
 use crate::plan_view::{area, convex_hull};
+use crate::planes::FoundPlane;
 use crate::rays::Rays;
 use crate::regions::{Regions, Run, Window};
 use crate::scene::{LocalSupport, Scene};
+use crate::segments::runs_of;
 use crate::supports::Supports;
 use crate::table_surface::TableSurface;
 use nalgebra::{Vector2, Vector3};
@@ -74,6 +76,9 @@ const FEW_M2: f32 = 8e-4;
 const LEAST_M2: f32 = 2.5e-4;
 /// A piece that is longer stands around the table and not on it, metres: walls and furniture.
 const MOST_LENGTH_M: f32 = 0.6;
+/// A further table is lower than the main one by so much, metres: what is lower still is a floor; and it weighs at least this share of it.
+const LOWER_M: [f64; 2] = [0.03, 0.3];
+const LOWER_WEIGHT: f64 = 0.35;
 /// Readings of an object at least.
 const LEAST_PIXELS: usize = 60;
 
@@ -87,10 +92,39 @@ pub struct SegmentScratch {
     links: Links,
 }
 
-/// Labels from 1 on of what stands on the supports.
+/// Labels from 1 on of what stands on the supports: on the main one, and on lower ones that are large.
 pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supports, scratch: &mut SegmentScratch) -> Vec<u16> {
+    let Some(main) = supports.planes.first() else { return vec![0; depth.len()] };
+    let (mut labels, mut table) = on_table(rays, depth, sensor, main, scratch);
+    let is_lower = |plane: &&FoundPlane| {
+        let below = plane.plane.offset() - main.plane.offset();
+        (LOWER_M[0]..LOWER_M[1]).contains(&below) && plane.weight >= LOWER_WEIGHT * main.weight
+    };
+    let mut left: Vec<f32> = Vec::new();
+    for lower in supports.planes[1..].iter().filter(is_lower) {
+        if left.is_empty() {
+            left.extend_from_slice(depth);
+        }
+        // What is over a higher table, or is a part of it, is not this one's.
+        for (pixel, z) in left.iter_mut().enumerate().filter(|(_, z)| **z > 0.0) {
+            let is_table = scratch.heights[pixel].abs() < FLOOR_M;
+            if labels[pixel] > 0 || is_table || table.inside_by(&rays.point(pixel, *z)) > -OVER_EDGE_M {
+                *z = f32::NAN;
+            }
+        }
+        let (more, next) = on_table(rays, &left, sensor, lower, scratch);
+        let known = labels.iter().copied().max().unwrap_or(0);
+        for (label, more) in labels.iter_mut().zip(more).filter(|(label, more)| **label == 0 && *more > 0) {
+            *label = known.saturating_add(more);
+        }
+        table = next;
+    }
+    labels
+}
+
+/// Labels from 1 on of what stands on one table, and the table.
+fn on_table(rays: &Rays, depth: &[f32], sensor: &SensorModel, main: &FoundPlane, scratch: &mut SegmentScratch) -> (Vec<u16>, TableSurface) {
     let mut labels = vec![0; depth.len()];
-    let Some(main) = supports.planes.first() else { return labels };
     let width = rays.width();
     let table = TableSurface::new(rays, depth, &main.plane);
     // The table's own scatter tells how good the sensor is here; it grows with the distance as the sensor model says.
@@ -106,7 +140,7 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     }
     state.clear();
     state.extend(raised.iter().map(|z| if z.is_nan() { 0 } else { WANTED }));
-    let wanted: Vec<u32> = (0..depth.len() as u32).filter(|pixel| state[*pixel as usize] == WANTED).collect();
+    let wanted = all_wanted(state);
     links.find(raised, width, &Joint::new(rays, sensor));
     let found = pieces_by_core(links, &wanted, state);
     let found = merged(rays, depth, found.into_iter().filter(|piece| piece.pixels.len() >= LEAST_PIECE).collect());
@@ -133,7 +167,7 @@ pub fn segment(rays: &Rays, depth: &[f32], sensor: &SensorModel, supports: &Supp
     if let Some(window) = bounds(&labels, width) {
         fill(&mut labels, width, window, |_| true, 1.0);
     }
-    labels
+    (labels, table)
 }
 
 /// Pieces of one object that a dark or glossy part without readings separates, or the near rim of a vessel, as one. Both border on that
@@ -212,7 +246,11 @@ fn touching(labels: &[u16], width: usize) -> std::collections::BTreeSet<[u16; 2]
     let mut found = std::collections::BTreeSet::new();
     let mut last = [0, 0];
     let mut meet = |a: &[u16], b: &[u16]| {
-        for (a, b) in a.iter().zip(b).filter(|(a, b)| (a != b) & (**a > 0) & (**b > 0)) {
+        let differ = |a: &u16, b: &u16| (a != b) & (*a > 0) & (*b > 0);
+        // Nowhere among many, mostly.
+        let some =
+            a.chunks(TOGETHER).zip(b.chunks(TOGETHER)).filter(|(a, b)| a.iter().zip(*b).fold(false, |any, (a, b)| any | differ(a, b)));
+        for (a, b) in some.flat_map(|(a, b)| a.iter().zip(b)).filter(|(a, b)| differ(a, b)) {
             let pair = [*a.min(b), *a.max(b)];
             if pair != last {
                 found.insert(pair);
@@ -339,6 +377,18 @@ const WANTED: u8 = 1;
 const CORE: u8 = 2;
 const DONE: u8 = 3;
 
+/// Pixels that are looked at together.
+const TOGETHER: usize = 32;
+
+/// The pixels whose state is `WANTED`, where that of all others is 0.
+fn all_wanted(state: &[u8]) -> Vec<u32> {
+    let mut found = Vec::new();
+    for (n, some) in state.chunks(TOGETHER).enumerate().filter(|(_, some)| some.iter().fold(0, |any, state| any | state) != 0) {
+        found.extend(some.iter().zip(n * TOGETHER..).filter(|(state, _)| **state == WANTED).map(|(_, pixel)| pixel as u32));
+    }
+    found
+}
+
 /// Pieces whose readings hang together through readings that are joined to all their neighbours, with what borders on them: so that what
 /// is smeared between two objects does not bridge them. What is too thin for that makes pieces of its own.
 fn pieces_by_core(links: &Links, wanted: &[u32], state: &mut [u8]) -> Vec<Piece> {
@@ -383,7 +433,7 @@ struct Border {
 /// reach the border of the window; with a share of 1 to the one that encloses them: the floor of a bowl, the middle of a plate.
 fn fill(labels: &mut [u16], width: usize, window: Window, is_free: impl Fn(usize) -> bool, least_share: f64) {
     let mut sizes = vec![0_usize; usize::from(labels.iter().copied().max().unwrap_or(0)) + 1];
-    labels.iter().for_each(|label| sizes[usize::from(*label)] += 1);
+    runs_of(labels).for_each(|(label, run)| sizes[usize::from(label)] += run.len());
     let height = labels.len() / width;
     let regions = Regions::find(width, window, |pixel| labels[pixel] == 0 && is_free(pixel));
     let mut borders = vec![Border::default(); regions.count()];
@@ -487,6 +537,19 @@ mod tests {
         let (best, count) = overlaps(&scene, &segmented(&scene), 3);
         assert!(best.iter().all(|overlap| *overlap > 0.85), "{best:?}");
         assert_eq!(count, 3, "and no speck is one");
+    }
+
+    #[test]
+    fn of_two_tables_each_has_its_things_and_the_edge_of_the_higher_is_none() {
+        let things = [
+            Thing::Box([-0.21, 0.6], [0.19, 0.3], 0.12),
+            Thing::Box([-0.2, 0.5], [0.03, 0.03], 0.12 + 0.09),
+            Thing::Box([0.2, 0.5], [0.03, 0.03], 0.08),
+        ];
+        let scene = TestScene::new(&things, 0.7);
+        let (best, count) = overlaps(&scene, &segmented(&scene), 3);
+        assert!(best[1] > 0.8 && best[2] > 0.8, "{best:?}");
+        assert_eq!(count, 2, "and the higher table is no object");
     }
 
     #[test]

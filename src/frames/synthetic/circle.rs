@@ -1,6 +1,6 @@
 //! A camera that circles an object on a table.
 
-use super::{DepthImage, NoiseModel, Scene, SyntheticCamera, orbit};
+use super::{DepthImage, MaskFaults, NoiseModel, Scene, SyntheticCamera, orbit};
 use beo_shapes::Mesh;
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
@@ -21,6 +21,8 @@ pub struct Circle {
     pub table_label: u16,
     /// The sensor's faults; default: those of structured light.
     pub noise: NoiseModel,
+    /// The masks' faults; default: none.
+    pub masks: MaskFaults,
 }
 
 impl Default for Circle {
@@ -32,6 +34,7 @@ impl Default for Circle {
             table_m: [1.2, 0.9],
             table_label: 1,
             noise: NoiseModel::default(),
+            masks: MaskFaults::NONE,
         }
     }
 }
@@ -61,6 +64,7 @@ impl Circle {
             let camera_to_world = orbit(&middle, self.distance_m, azimuth_rad, self.elevation_rad);
             let mut image = camera.render(&scene, &camera_to_world);
             self.noise.apply(camera, &mut image, seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(n as u64));
+            self.masks.apply(&mut image, self.table_label);
             CircleView { azimuth_rad, camera_to_world, image }
         };
         (0..self.views).into_par_iter().map(view).collect()

@@ -7,6 +7,7 @@
 //! | `raster` | scenes of meshes |
 //! | `voxels` | objects of voxels |
 //! | `noise` | what a real sensor adds and misses |
+//! | `mask` | what the masks of people and detectors do |
 //! | `circle` | a camera that circles an object on a table |
 //! | `files` | views as files |
 //!
@@ -16,6 +17,7 @@
 mod circle;
 mod files;
 mod image;
+mod mask;
 mod noise;
 mod raster;
 mod viewpoint;
@@ -24,6 +26,7 @@ mod voxels;
 pub use circle::{Circle, CircleView};
 pub use files::{FrameWriter, WriteError};
 pub use image::DepthImage;
+pub use mask::MaskFaults;
 pub use noise::{NoiseModel, NoiseModelError};
 pub use raster::{Scene, SyntheticCamera};
 pub use viewpoint::{look_at, orbit};

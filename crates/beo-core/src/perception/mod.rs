@@ -10,6 +10,7 @@
 //! | | `levels` | the same of large grids: on smaller ones first |
 //! | | `camera` | class, yaw, size and place of what a camera sees |
 //! | | `paper` | the paper's estimators |
+//! | | `cut` | what a part says of an object that is cut off |
 //! | decide | `decision` | the most probable class, hypotheses, how the object lies |
 //! | complete | `completion` | probability and deviation of every voxel |
 //!
@@ -19,6 +20,7 @@
 pub(crate) mod basis;
 pub(crate) mod camera;
 pub mod completion;
+mod cut;
 mod decision;
 pub(crate) mod densities;
 mod error;

@@ -8,6 +8,7 @@ use super::refinement::Parameters;
 use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, PlacementPrior, RefinedPlacement, SEEN, ViewFrame, ViewWork, measure};
 use crate::grid::{Dims, Observation, Outside, Rotation, Similarity, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
+use crate::perception::cut;
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
 use crate::perception::evidence::lattice::Codes;
@@ -268,6 +269,9 @@ impl CameraSearch<'_> {
         let poses = PoseDensity { weight: sure.pose_weight, log_prior: &log_prior };
         self.refine_modes(seen, &frame, &told, &poses, scratch, &out.posterior)?;
         self.weigh_evidence(scratch, out);
+        if query.is_cut {
+            cut::temper(&mut out.posterior, |class| query.log_prior(class));
+        }
         clock.classified();
         let class = most_probable(&out.posterior);
         let answered = scratch.modes.iter().find(|mode| mode.cell.class == class);
@@ -456,7 +460,7 @@ impl CameraSearch<'_> {
             extent_deviation_voxels: std::array::from_fn(|axis| spread.extent[axis] * cell.deviations[5 + axis] * frame.unit),
             position_deviation_voxels: if searched { position_deviation(frame, best, &spread) } else { [0.0; 3] },
         };
-        (placed, object_box)
+        (placed, if self.query.is_cut { cut::widen(object_box) } else { object_box })
     }
 }
 
@@ -609,6 +613,19 @@ mod tests {
             }
         }
         assert!(right >= 10 && near >= 7 && sized >= 7, "of 12: {right} named, {near} turned, {sized} placed rightly");
+    }
+
+    #[test]
+    fn of_what_is_cut_off_class_size_and_place_are_less_sure_and_the_same() {
+        let seen = simulation::observe(&unseen("chair", 2), &eye(0.4));
+        let whole = ask(&seen, &query(0.4, PoseSearch::YAW, SEARCH));
+        let part = ask(&seen, &Query { is_cut: true, ..query(0.4, PoseSearch::YAW, SEARCH) });
+        assert_eq!((part.class, part.placed), (whole.class, whole.placed));
+        let odds = |percept: &Percept| percept.posterior.iter().map(|p| (p / percept.posterior[whole.class]).ln()).collect::<Vec<_>>();
+        assert!(odds(&part).iter().zip(odds(&whole)).all(|(part, whole)| (part - 0.5 * whole).abs() < 1e-9));
+        let [part, whole] = [part, whole].map(|percept| percept.object_box.unwrap());
+        let deviations = |of: &ObjectBox| [of.extent_deviation_voxels, of.position_deviation_voxels].concat();
+        assert!(deviations(&part).iter().zip(deviations(&whole)).all(|(part, whole)| *part > whole + 1e-3));
     }
 
     #[test]

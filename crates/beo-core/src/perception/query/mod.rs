@@ -56,6 +56,9 @@ pub struct Query {
     /// Before a turn about z, the object may rest in any of the poses that the model knows of its class; else it stands upright. Of what a
     /// camera sees.
     pub lying: bool,
+    /// The object is cut off, by the border of the image or by something nearer, so that it goes on where nothing is known: of what a
+    /// camera sees.
+    pub is_cut: bool,
     /// Edge of a voxel of the observation, metres, if it is known: true sizes then count.
     pub voxel_size_m: Option<f64>,
     /// log P(s) per class, up to a constant; empty for a uniform prior. Classes with −∞ are left out.
@@ -76,8 +79,9 @@ impl Query {
         let (mut log_prior, mut rotation_prior) = (std::mem::take(&mut self.log_prior), std::mem::take(&mut self.rotation_prior));
         log_prior.clone_from(&other.log_prior);
         rotation_prior.set(&other.rotation_prior);
-        let Self { method, pose, outside, view, camera, scale, lying, voxel_size_m, completion, frame, projection, paper_pose, .. } =
-            *other;
+        let Self {
+            method, pose, outside, view, camera, scale, lying, is_cut, voxel_size_m, completion, frame, projection, paper_pose, ..
+        } = *other;
         *self = Self {
             method,
             pose,
@@ -87,6 +91,7 @@ impl Query {
             camera,
             scale,
             lying,
+            is_cut,
             voxel_size_m,
             log_prior,
             completion,

@@ -4,7 +4,7 @@ use super::Scene;
 use super::load::{Clock, Load, Monotonic, drive};
 use super::record::to_stamp;
 use super::{CameraRate, Grids, LatencyError, Pose, Wake, objects_on_table};
-use beo_camera::{GridOptions, carve, lay_grids};
+use beo_camera::{GridOptions, Observer, carve};
 use beo_core::grid::Dims;
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::{CarvedGrid, InstanceName, ObservationHeader, Producer, Status, Subscriber, SubscriberOptions, View};
@@ -83,7 +83,8 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
     };
     let [x, y, z] = plan.dims.map(|side| side as usize);
     let options = GridOptions::new(Dims::new(x, y, z)?.into());
-    let scene = (plan.load == Load::Camera).then(|| (objects_on_table(plan.camera.objects), options));
+    // As drivers do, it keeps what lasts from frame to frame.
+    let mut scene = (plan.load == Load::Camera).then(|| (objects_on_table(plan.camera.objects), Observer::new(options)));
     let mut in_warm_up = 0;
     let going = || !stop.load(Ordering::Relaxed);
     let start_ns = monotonic_ns();
@@ -93,9 +94,9 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
         let unmeasured = frames(plan.warm_up_s);
         drive(&mut Monotonic, start_ns, interval, unmeasured + frames(plan.seconds).max(1), |_, frame, due_ns| {
             let counted = frame >= unmeasured;
-            match &scene {
-                Some((captured, options)) => {
-                    let sent = see(&producer, captured, options, plan.pose, due_ns, counted)?;
+            match &mut scene {
+                Some((captured, observer)) => {
+                    let sent = see(&producer, captured, observer, plan.pose, due_ns, counted)?;
                     in_warm_up += if counted { 0 } else { sent };
                 }
                 None => {
@@ -123,8 +124,15 @@ pub fn produce(plan: &ProducerPlan, grids: &Grids, stop: &AtomicBool) -> Result<
 }
 
 /// Sends the objects of a frame, each carved into its place in shared memory; how many.
-fn see(producer: &Producer, captured: &Scene, options: &GridOptions, pose: Pose, due_ns: u64, counted: bool) -> Result<u64, LatencyError> {
-    let laid = lay_grids(captured.frame(), options);
+fn see(
+    producer: &Producer,
+    captured: &Scene,
+    observer: &mut Observer,
+    pose: Pose,
+    due_ns: u64,
+    counted: bool,
+) -> Result<u64, LatencyError> {
+    let laid = observer.observe(&captured.frame());
     let laid_ns = monotonic_ns();
     let mut sent = 0;
     for carver in laid.carvers().filter_map(|(_, carver)| carver.ok()) {
@@ -141,7 +149,7 @@ fn see(producer: &Producer, captured: &Scene, options: &GridOptions, pose: Pose,
             continued_object_id: carver.object.into(),
             ..ObservationHeader::of_grid(&CarvedGrid {
                 object_id: carver.object.into(),
-                known_side_m: options.placement.known_side_m.unwrap_or(0.0),
+                known_side_m: observer.options().placement.known_side_m.unwrap_or(0.0),
                 ..CarvedGrid::from(&carver.grid)
             })?
         };

@@ -1,0 +1,79 @@
+//! Masks as people and detectors make them change neither what an object is called nor how large it is: the shipped model,
+//! through a synthetic camera with the noise of structured light.
+
+use crate::camera::{beo_camera, percepts};
+use crate::harness::{PATIENCE, instance, serve_with};
+use beo::frames::synthetic::{FrameWriter, MaskFaults, NoiseModel, Scene, SyntheticCamera, orbit};
+use beo_camera::Intrinsics;
+use beo_ipc::{InstanceName, Percept, Subscriber, SubscriberOptions};
+use beo_shapes::household;
+use nalgebra::{Isometry3, Point3, Vector3};
+use std::path::Path;
+
+/// Labels of the table, which files of frames do not have, of the mug and of the carton.
+const TABLE: u16 = 0;
+const MUG: u16 = 1;
+const CARTON: u16 = 2;
+
+const FAULTS: [(&str, MaskFaults); 8] = [
+    ("as it should be", MaskFaults::NONE),
+    ("1 px too wide", MaskFaults { growth_px: 1, ..MaskFaults::NONE }),
+    ("3 px too wide", MaskFaults { growth_px: 3, ..MaskFaults::NONE }),
+    ("4 px too wide", MaskFaults { growth_px: 4, ..MaskFaults::NONE }),
+    ("shifted by 2 px", MaskFaults { shift_px: [2, -2], ..MaskFaults::NONE }),
+    ("3 px too wide, shifted by 2 px", MaskFaults { growth_px: 3, shift_px: [-2, 2], ..MaskFaults::NONE }),
+    ("a box", MaskFaults { is_box: true, ..MaskFaults::NONE }),
+    ("with a speck", MaskFaults { speck_px: 8, ..MaskFaults::NONE }),
+];
+
+/// A frame for each fault, of a mug and a carton on a table.
+fn write_frames(folder: &Path) {
+    let camera = SyntheticCamera::new(Intrinsics::new(640, 480, [525.0; 2], [319.5, 239.5], [0.0; 5]).unwrap());
+    let [mug, carton] = [("mug", 3), ("box", 7)].map(|(class, seed)| household::mesh(class, seed).unwrap());
+    let mut scene = Scene::new();
+    scene.add_table([1.4, 1.0], Isometry3::identity(), TABLE);
+    scene.add(&mug, Isometry3::new(Vector3::new(0.02, -0.14, 0.0), Vector3::z() * 0.9), MUG);
+    scene.add(&carton, Isometry3::new(Vector3::new(0.0, 0.14, 0.0), Vector3::z() * 0.5), CARTON);
+    let camera_to_world = orbit(&Point3::new(0.0, 0.0, 0.04), 0.75, 0.0, 35_f64.to_radians());
+    let mut exact = camera.render(&scene, &camera_to_world);
+    NoiseModel::default().apply(&camera, &mut exact, 11);
+    let mut writer = FrameWriter::new(folder, camera.intrinsics()).unwrap();
+    for (n, (_, faults)) in FAULTS.iter().enumerate() {
+        let mut image = exact.clone();
+        faults.apply(&mut image, TABLE);
+        writer.write(&format!("{n}"), n as u64, &camera_to_world, &image).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// The most probable class and the longest side.
+fn found(percept: &Percept) -> (u32, f32) {
+    (percept.class_index, percept.object_extent_m.into_iter().fold(0.0, f32::max))
+}
+
+#[test]
+fn masks_that_are_off_change_neither_class_nor_size() {
+    let folder = tempfile::tempdir().unwrap();
+    write_frames(folder.path());
+    let name = instance();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/household.safetensors");
+    let _daemon = serve_with(&name, &model, |command| command);
+    let subscriber = Subscriber::open_within(&InstanceName::new(&name).unwrap(), &SubscriberOptions::default(), PATIENCE).unwrap();
+    let (code, said, errors) = beo_camera(folder.path(), &["--instance", &name]);
+    assert_eq!(code, Some(0), "{said}{errors}");
+    // The next frame is sent when the one before is answered.
+    let answers = percepts(&subscriber, 2 * FAULTS.len());
+    let of = |frame: usize, object: u16| {
+        let pair = &answers[2 * frame..2 * frame + 2];
+        found(pair.iter().find(|percept| percept.object_id == u64::from(object)).expect("both objects of a frame"))
+    };
+    for (object, class) in [(MUG, 5), (CARTON, 2)] {
+        let (named, longest) = of(0, object);
+        assert_eq!(named, class, "object {object}, masked as it should be");
+        for (frame, (fault, _)) in FAULTS.iter().enumerate() {
+            let (named, side) = of(frame, object);
+            assert_eq!(named, class, "object {object}, mask {fault}");
+            assert!((side / longest - 1.0).abs() < 0.05, "object {object}, mask {fault}: {side} m for {longest}");
+        }
+    }
+}
