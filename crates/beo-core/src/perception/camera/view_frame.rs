@@ -22,8 +22,10 @@ const TRIMMED: f64 = 0.005;
 
 /// A layer of which a larger share is known to be empty lies below a table.
 const BELOW_TABLE: f64 = 0.97;
-/// What is below an object is seen through where a larger share of a layer is known to be empty.
-const SEEN_THROUGH: f64 = 0.5;
+/// The object ends above a layer of which below it a larger share is known to be empty, …
+const EMPTY_BELOW: f64 = 0.5;
+/// … if the table is no more than so many layers deeper where it is deepest.
+const TILTED: usize = 3;
 
 /// Where the frame lies in a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -225,7 +227,8 @@ fn bottom(observation: &Observation, turn: &Matrix3<f64>, low: &Vector3<f64>, hi
         (low.x..=high.x).contains(&at.x) && (low.y..=high.y).contains(&at.y)
     };
     let lowest = (low.z + 0.5 + middle.z).round().clamp(0.0, dims.z() as f64 - 1.0) as usize;
-    for k in (0..lowest).rev() {
+    // Shares of a layer that are known to be empty: of all of it, and of what is below the object.
+    let empty = |k: usize| {
         let (mut all, mut below) = ([0_u32; 2], [0_u32; 2]);
         for (i, j) in (0..dims.x()).flat_map(|i| (0..dims.y()).map(move |j| (i, j))) {
             let voxel = dims.index(i, j, k);
@@ -236,15 +239,12 @@ fn bottom(observation: &Observation, turn: &Matrix3<f64>, low: &Vector3<f64>, hi
                 count(&mut below);
             }
         }
-        let share = |[empty, of]: [u32; 2]| f64::from(empty) / f64::from(of.max(1));
-        if share(all) > BELOW_TABLE {
-            return k as f64 + 0.5 - middle.z;
-        }
-        if share(below) > SEEN_THROUGH {
-            break;
-        }
-    }
-    low.z
+        [all, below].map(|[empty, of]| f64::from(empty) / f64::from(of.max(1)))
+    };
+    let Some(first) = (0..lowest).rev().find(|k| empty(*k)[1] > EMPTY_BELOW) else { return low.z };
+    // A table may be a little tilted in the grid; what is seen through, and no table soon below, is nothing to stand on.
+    let is_table = (first.saturating_sub(TILTED)..=first).any(|k| empty(k)[0] > BELOW_TABLE);
+    if is_table { first as f64 + 0.5 - middle.z } else { low.z }
 }
 
 /// Lower and upper end of the values, without the outermost on both sides: a share of all at each.
