@@ -1,4 +1,4 @@
-//! What a relay between machines needs: messages as bytes, and stamps of one machine's clock as another's.
+//! Messages as bytes, and stamps of one machine's clock as another's: for a relay between machines.
 //!
 //! Together with [`crate::Loan::forward`], [`crate::Server::forward`] and [`crate::Server::forward_status`], which send what comes from
 //! elsewhere as it is: producer, sequence, daemon and stamps stay those of its origin.

@@ -6,7 +6,7 @@ use super::streams::Waiting;
 use super::tracks::Tracks;
 use beo_core::grid::{Observation, Rotation, from_xyzw, to_xyzw};
 use beo_core::model::Model;
-use beo_core::perception::{self, Classified, Frame, Method, PerceiveError, Perceiver, Query, Workspace};
+use beo_core::perception::{self, Classified, CompletionFrame, Method, PerceiveError, Perceiver, Query, Workspace};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::tasks;
 use beo_ipc::text::to_field;
@@ -27,7 +27,7 @@ pub struct Answerer {
     /// The model's name, for people.
     name: String,
     perceiver: Perceiver,
-    /// What observations do not say themselves.
+    /// Settings that observations do not state themselves.
     query: Query,
     tracks: Tracks,
     /// As many as observations are answered side by side.
@@ -39,18 +39,18 @@ struct Desk {
     work: Workspace,
     percept: perception::Percept,
     query: Query,
-    /// What is believed of the class of an object that continues, before this frame.
+    /// The belief about the class of an object that continues, before this frame.
     believed: Option<ClassBelief>,
     /// The class posterior, given all frames of the object.
     filtered: Vec<f64>,
     started_ns: u64,
-    /// What came of it.
+    /// The outcome.
     outcome: Outcome,
     /// A completion that does not go into shared memory at once: occupancy and deviation, a byte per voxel each.
     bytes: [Vec<u8>; 2],
 }
 
-/// What came of an observation.
+/// The outcome of an observation.
 #[derive(Default)]
 enum Outcome {
     /// Nothing yet.
@@ -313,7 +313,7 @@ fn loan_completion(
     header.rotation_object_to_grid = quaternion(&answer.rotation_object_to_grid);
     header.none_probability = BeyondClass::of(answer).none_probability;
     header.frame = asked.completion_frame;
-    if query.frame == Frame::Object {
+    if query.frame == CompletionFrame::Object {
         // The canonical grid lies elsewhere and has other voxels where size and place were searched.
         header.position_m = object_position(asked, answer);
         header.voxel_size_m *= answer.placed.scale as f32;

@@ -1,7 +1,7 @@
 //! The query that the header of a valid observation asks.
 
 use beo_core::grid::{Outside, View, from_xyzw};
-use beo_core::perception::{Frame, PoseSearch, Query, RotationPrior, ScaleSearch};
+use beo_core::perception::{CompletionFrame, PoseSearch, Query, RotationPrior, ScaleSearch};
 use beo_ipc::ObservationHeader;
 use nalgebra::Vector3;
 
@@ -33,8 +33,8 @@ pub fn ask(query: &mut Query, header: &ObservationHeader, known: PoseSearch) {
         _ => Outside::Empty,
     };
     query.frame = match beo_ipc::CompletionFrame::from_code(header.completion_frame) {
-        Some(beo_ipc::CompletionFrame::Object) => Frame::Object,
-        _ => Frame::Grid,
+        Some(beo_ipc::CompletionFrame::Object) => CompletionFrame::Object,
+        _ => CompletionFrame::Grid,
     };
     query.rotation_prior = if header.rotation_prior_concentration > 0.0 {
         let expected = from_xyzw(header.rotation_prior.map(f64::from));
@@ -95,9 +95,9 @@ mod tests {
     #[test]
     fn frame_and_surroundings_are_the_headers() {
         let plain = asked(&PLAIN);
-        assert_eq!((plain.outside, plain.frame), (Outside::Empty, Frame::Grid));
+        assert_eq!((plain.outside, plain.frame), (Outside::Empty, CompletionFrame::Grid));
         let (outside, frame) = (beo_ipc::Outside::Unknown.code(), beo_ipc::CompletionFrame::Object.code());
         let query = asked(&ObservationHeader { outside, completion_frame: frame, ..PLAIN });
-        assert_eq!((query.outside, query.frame), (Outside::Unknown, Frame::Object));
+        assert_eq!((query.outside, query.frame), (Outside::Unknown, CompletionFrame::Object));
     }
 }

@@ -59,7 +59,7 @@ pub struct Daemon {
     options: ServeOptions,
     answerer: Answerer,
     streams: Streams,
-    /// What is being answered.
+    /// The observations that are being answered.
     taken: Vec<Waiting>,
     sequences: Sequences,
     latencies: Latencies,

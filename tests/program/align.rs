@@ -3,7 +3,7 @@
 use crate::harness::{run, text};
 use crate::real_shapes::skipped;
 use beo_core::grid::{Dims, Occupancy, from_xyzw, uniform_rotation};
-use beo_shapes::alignment::Similarity;
+use beo_shapes::alignment::ShapeSimilarity;
 use beo_shapes::{Alignment, Mesh, parse_binvox, parse_off, write_binvox, write_off};
 use nalgebra::{Point3, Vector3};
 use std::path::Path;
@@ -20,7 +20,7 @@ fn scattered(n: usize) -> Mesh {
         triangles.extend(quads.iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]].map(|t| t.map(|v| v + first))));
     }
     let share = |step: f64| (0.1 + step * n as f64).fract();
-    let pose = Similarity {
+    let pose = ShapeSimilarity {
         rotation: uniform_rotation([share(0.37), share(0.61), share(0.23)]),
         scale: 1.0 + n as f64,
         translation: Vector3::new(n as f64, -3.0, 7.0),
@@ -67,7 +67,7 @@ fn scattered_meshes_are_aligned_and_learned_as_they_then_lie() {
         assert_eq!((file.input.as_str(), file.output.as_str()), (format!("{n}.off").as_str(), format!("{n}.off").as_str()));
         let mesh = parse_off(&std::fs::read(out.join(&file.output)).unwrap()).unwrap();
         // What was written is the input under the transform that is named.
-        let named = Similarity { rotation: from_xyzw(file.rotation_xyzw), scale: file.scale, translation: file.translation.into() };
+        let named = ShapeSimilarity { rotation: from_xyzw(file.rotation_xyzw), scale: file.scale, translation: file.translation.into() };
         let input = parse_off(&std::fs::read(dir.join(&file.input)).unwrap()).unwrap();
         let apart = input.vertices().iter().zip(mesh.vertices()).map(|(a, b)| (named.place(a) - b).norm()).fold(0.0, f64::max);
         assert!(apart < 1e-6, "{apart}");
@@ -129,7 +129,7 @@ fn classes_and_splits_are_kept_y_may_be_up_and_voxels_stay_voxels() {
     assert_eq!(written.classes.keys().collect::<Vec<_>>(), ["bracket", "stair"]);
     for file in &written.classes["bracket"].files {
         let read = |path: &Path| parse_off(&std::fs::read(path).unwrap()).unwrap();
-        let named = Similarity { rotation: from_xyzw(file.rotation_xyzw), scale: file.scale, translation: file.translation.into() };
+        let named = ShapeSimilarity { rotation: from_xyzw(file.rotation_xyzw), scale: file.scale, translation: file.translation.into() };
         let (input, output) = (read(&Path::new(dir).join(&file.input)), read(&out.join(&file.output)));
         // From the coordinates of the file, in which y is up.
         let apart = input.vertices().iter().zip(output.vertices()).map(|(a, b)| (named.place(a) - b).norm()).fold(0.0, f64::max);

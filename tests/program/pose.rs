@@ -3,7 +3,7 @@
 use crate::client::Client;
 use crate::harness::{RESOLUTION, answer, dims, instance, model, run, seen, serve, shape, text};
 use beo_core::grid::{Observation, Occupancy, Outside, Rotation, Turn, View, yaw, yaw_of};
-use beo_core::perception::{Frame, Method, PaperPose, PoseSearch, Query, RotationPrior};
+use beo_core::perception::{CompletionFrame, Method, PaperPose, PoseSearch, Query, RotationPrior};
 use beo_ipc::ObservationHeader;
 use beo_shapes::furniture;
 use nalgebra::Quaternion;
@@ -65,7 +65,7 @@ fn quarter_turns_of_the_query_turn_the_answer_exactly() {
             let worst = expected.iter().zip(&turned.occupancy).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst < 1e-3, "{class}: {worst}");
         }
-        let object_frame = Query { frame: Frame::Object, ..yaw_query() };
+        let object_frame = Query { frame: CompletionFrame::Object, ..yaw_query() };
         let (a, b) = (answer(&seen(&object, &yaw(0.0)), &object_frame), answer(&seen(&object, &yaw(PI)), &object_frame));
         let worst = a.occupancy.iter().zip(&b.occupancy).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-3, "{class}: {worst}");

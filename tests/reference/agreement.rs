@@ -5,12 +5,12 @@ use crate::every_degree::EveryDegree;
 use crate::observations::{at_random, from_above, from_the_side, furniture, real_shapes};
 use beo_core::grid::{Dims, Observation, Occupancy, Outside, Rotation, Turn, uniform_rotation, yaw, yaw_of};
 use beo_core::model::{Model, load};
-use beo_core::perception::{Frame, Perceiver, Percept, PoseSearch, Query};
+use beo_core::perception::{CompletionFrame, Perceiver, Percept, PoseSearch, Query};
 use rayon::prelude::*;
 use std::sync::{Arc, LazyLock};
 
 /// Of probabilities of classes.
-const POSTERIOR: f64 = 1e-3;
+pub const POSTERIOR: f64 = 1e-3;
 /// Of probabilities and deviations of voxels.
 const VOXEL: f64 = 2e-3;
 
@@ -18,8 +18,8 @@ fn shipped() -> Model {
     load(concat!(env!("CARGO_MANIFEST_DIR"), "/models/modelnet10.safetensors").as_ref()).unwrap()
 }
 
-static REFERENCE: LazyLock<Reference> = LazyLock::new(|| Reference::new(shipped()));
-static PERCEIVER: LazyLock<Perceiver> = LazyLock::new(|| Perceiver::new(Arc::new(shipped())).unwrap());
+pub static REFERENCE: LazyLock<Reference> = LazyLock::new(|| Reference::new(shipped()));
+pub static PERCEIVER: LazyLock<Perceiver> = LazyLock::new(|| Perceiver::new(Arc::new(shipped())).unwrap());
 
 fn dims() -> Dims {
     REFERENCE.model.dims()
@@ -68,11 +68,11 @@ impl Differences {
     }
 }
 
-fn most_probable(posterior: &[f64]) -> usize {
+pub fn most_probable(posterior: &[f64]) -> usize {
     (0..posterior.len()).max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]).then(b.cmp(a))).unwrap()
 }
 
-fn largest(a: &[f64], b: &[f64]) -> f64 {
+pub fn largest(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     differences.fold(0.0, |largest, d| if d <= largest { largest } else { d })
@@ -146,7 +146,7 @@ fn turned_objects_are_completed_as_by_the_plain_equations() {
     let objects = furniture(dims(), 50..52);
     let worst = objects.par_iter().enumerate().map(|(i, object)| {
         let pose = if i % 2 == 0 { PoseSearch::YAW } else { PoseSearch::Full };
-        let query = Query { pose, completion: true, frame: Frame::Object, ..Query::default() };
+        let query = Query { pose, completion: true, frame: CompletionFrame::Object, ..Query::default() };
         let seen = from_above(object, &yaw(0.7 * i as f64));
         let percept = answer(&seen, &query);
         let back = Turn::new(dims(), &percept.rotation_object_to_grid.inverse()).observation(&seen, Outside::Empty);

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// A file that is being written. Dropped without [`WholeFile::keep`], it leaves nothing, unless it is recoverable.
 #[derive(Debug)]
 pub struct WholeFile {
-    /// What is to be replaced: links have been followed.
+    /// The file that is to be replaced: links have been followed.
     path: PathBuf,
     /// Where the content is until then; none where `path` is a pipe or a device, which is written as it is.
     temporary: Option<PathBuf>,

@@ -1,10 +1,10 @@
-//! What cuts an object off in the image: its border, or something nearer.
+//! Objects that are cut off in the image, by its border or by something nearer.
 
 use crate::joining::Joint;
 use crate::rays::Rays;
 use crate::support::Plane;
 
-/// What cuts an object off in the image.
+/// The ways in which an object is cut off in the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cut {
     /// It touches the border of the image, or of what the sensor sees of it.
@@ -19,13 +19,13 @@ const BLIND: usize = 12;
 const BEYOND: isize = 3;
 /// A band without readings between an object and what hides it is at most so wide, metres at the object: the shadow of the one on the other.
 const SHADOW_M: f32 = 0.03;
-/// What lies no higher above the object's support, metres, is the support and hides nothing: before an object whose side has no readings it
+/// Readings no higher above the object's support, metres, are of the support and hide nothing: before an object whose side has no readings it
 /// is nearer than what is seen of the object.
 const SUPPORT_M: f64 = 0.012;
 /// Share of an object's edge along which something nearer must lie.
 const LEAST_SHARE: f64 = 0.08;
 
-/// What cuts off the object with these `pixels` that stands on `support`, all of whose own have its label.
+/// Finds whether the object with these `pixels` that stands on `support`, all of whose own have its label, is cut off.
 pub fn cut(rays: &Rays, depth: &[f32], labels: &[u16], joint: &Joint, pixels: &[u32], support: Option<&Plane>) -> Cut {
     let (width, height) = (rays.width(), rays.height());
     let is_support = |pixel: usize| support.is_some_and(|plane| plane.height(&rays.point(pixel, depth[pixel]).cast().into()) < SUPPORT_M);
@@ -94,7 +94,7 @@ mod tests {
         assert!(!hidden_beyond(20), "5 cm away lies something else");
     }
 
-    /// What cuts a square of label 1 at 1 m, from column `left` on, with something at `near` metres over its right half if that is above 0,
+    /// The cut of a square of label 1 at 1 m, from column `left` on, with something at `near` metres over its right half if that is above 0,
     /// and no reading in the first `blind` columns.
     fn of(left: usize, near: f32, blind: usize) -> Cut {
         standing(left, near, blind, None)

@@ -6,7 +6,7 @@ use crate::{Fusion, FusionError, Grid, GridError, Plane, SensorModel};
 use nalgebra::{Isometry3, Point3};
 use std::collections::BTreeMap;
 
-/// What all frames so far know of each object.
+/// Every object's grid, fused over all frames so far.
 #[derive(Debug, Default)]
 pub struct FusedObjects {
     objects: BTreeMap<u16, FusedObject>,

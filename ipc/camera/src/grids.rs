@@ -32,17 +32,17 @@ pub struct GridOptions {
     pub support_label: Option<u16>,
     /// The direction in which things fall, in the camera frame, where it is known; a plane within 15° of level corrects it.
     pub gravity: Option<Unit<Vector3<f64>>>,
-    /// What is known of voxels below the support plane.
+    /// Content of the voxels below the support plane.
     pub below_support: BelowSupport,
 }
 
-/// What is known of voxels below the support plane.
+/// Content of the voxels below the support plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BelowSupport {
     /// Nothing of an object that stands on the plane is there.
     #[default]
     Empty,
-    /// What the image says: mostly nothing.
+    /// As carved from the image: mostly unknown.
     Unknown,
 }
 
@@ -91,7 +91,7 @@ pub enum NoGrid {
     NoPlace(#[from] PlacementError),
 }
 
-/// What was found out about an object's readings.
+/// Quality of an object's readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Readings that are the object's own.
@@ -104,7 +104,7 @@ pub struct Quality {
     pub share_far: f64,
     /// Standard deviation of the surface after consensus, metres.
     pub surface_deviation_m: f64,
-    /// What cuts it off.
+    /// Whether the image's border or something nearer cuts it off.
     pub cut: Cut,
 }
 
@@ -117,7 +117,7 @@ pub struct ObservedGrid {
     pub support: Option<Plane>,
     /// How far the surface may be from the truth, after consensus.
     pub sensor: SensorModel,
-    /// What was found out about the readings.
+    /// Quality of the readings.
     pub quality: Quality,
 }
 
@@ -130,7 +130,7 @@ pub struct ObjectGrid {
     pub grid: Result<ObservedGrid, NoGrid>,
 }
 
-/// What was found in a frame.
+/// The objects of a frame with their grids, and its supports.
 #[derive(Clone, Debug)]
 pub struct FrameGrids {
     intrinsics: Intrinsics,
@@ -139,7 +139,7 @@ pub struct FrameGrids {
     segments: Option<Vec<u16>>,
     sensor: SensorModel,
     below_support: BelowSupport,
-    /// What is up in the camera frame.
+    /// Direction of up in the camera frame.
     pub up: Option<Unit<Vector3<f64>>>,
     /// Planes that objects stand on, the main one first.
     pub supports: Vec<Plane>,
@@ -182,7 +182,7 @@ impl FrameGrids {
         self.objects.iter().map(|object| (object.object, object.grid.as_ref().map(|observed| self.carver(object.object, observed))))
     }
 
-    /// What carves a grid of this frame.
+    /// The carver of a grid of this frame.
     pub fn carver(&self, object: u16, observed: &ObservedGrid) -> Carver<'_> {
         let frame = Frame::new(&self.intrinsics, &self.depth, &self.labels).expect("the images have the camera's size");
         let support = observed.support.filter(|_| self.below_support == BelowSupport::Empty);

@@ -63,7 +63,7 @@ const TRIMMED: f64 = 0.005;
 const CONTACT: f64 = 0.02;
 const CONTACT_SHARE: f64 = 0.3;
 
-/// What is not seen below the readings is the object's down to the plane over this at most, metres.
+/// Space without readings below the object's own is the object's down to the plane, over this at most, metres.
 const MOST_UNSEEN: f64 = 0.35;
 /// Readings below which is looked, at most, each at three heights; the least number of pixels without reading there, and their share.
 const MOST_DROPPED: usize = 100;

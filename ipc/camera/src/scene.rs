@@ -24,6 +24,6 @@ pub struct Scene<'a> {
     pub labels: &'a [u16],
     /// The sensor.
     pub sensor: &'a SensorModel,
-    /// What neighbours are on one surface.
+    /// The rule by which neighbours are on one surface.
     pub joint: Joint,
 }

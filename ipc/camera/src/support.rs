@@ -46,7 +46,7 @@ impl Plane {
 pub struct PlaneSearch {
     /// Pixels with this label are the plane's; `None`: those that belong to no object (label 0).
     pub label: Option<u16>,
-    /// What is up in the camera frame, if known: the plane's normal is within 15° of it. Else the camera is taken to be upright,
+    /// Direction of up in the camera frame, if known: the plane's normal is within 15° of it. Else the camera is taken to be upright,
     /// rolled by less than 30°, and to look down on the plane.
     pub up: Option<Unit<Vector3<f64>>>,
     /// How far readings may be from the plane.
@@ -94,7 +94,7 @@ pub fn fit_support_in(frame: &Frame<'_>, segments: &Segments, search: &PlaneSear
     (enough && search.allows(&plane)).then_some(plane)
 }
 
-/// What the plane is fitted to: points with the distance at which each counts as near, coordinate by coordinate for the sake of vectors.
+/// The points to which the plane is fitted, with the distance at which each counts as near, coordinate by coordinate for the sake of vectors.
 struct Readings {
     x: Vec<f64>,
     y: Vec<f64>,
@@ -192,7 +192,7 @@ fn least_squares(points: &[Point3<f64>]) -> Option<Plane> {
     Some(towards_camera(normal, &Point3::from(mean)))
 }
 
-/// What is up in the camera frame, by gravity (the direction in which things fall) or by the plane that things stand on.
+/// Direction of up in the camera frame, by gravity (the direction in which things fall) or by the plane that things stand on.
 pub fn up_axis(gravity: Option<Vector3<f64>>, support: Option<&Plane>) -> Option<Unit<Vector3<f64>>> {
     match gravity {
         Some(gravity) => Unit::try_new(-gravity, 1e-9).filter(|up| up.iter().all(|value| value.is_finite())),

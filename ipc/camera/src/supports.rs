@@ -17,15 +17,15 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 const UPRIGHT: f64 = 0.965_925_826_289_068_3;
 /// How far supports may be from each other: cosine of 8°.
 const PARALLEL: f64 = 0.990_268;
-/// What a plane counts for that only a rolled camera, or one that looks up, sees as a floor.
+/// Weight of a plane that only a rolled camera, or one that looks up, sees as a floor.
 const UNUSUAL: f64 = 0.4;
 /// Planes of a frame, at most.
 const MOST_PLANES: usize = 5;
 
-/// What is known of a frame's supports before it is looked at.
+/// Prior knowledge of a frame's supports.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SupportSearch {
-    /// What is up in the camera frame, if it is known.
+    /// Direction of up in the camera frame, if it is known.
     pub up: Option<Unit<Vector3<f64>>>,
     /// The label whose pixels are the support.
     pub label: Option<u16>,
@@ -34,7 +34,7 @@ pub struct SupportSearch {
 /// Supports of a frame.
 #[derive(Clone, Debug)]
 pub struct Supports {
-    /// What is up in the camera frame.
+    /// Direction of up in the camera frame.
     pub up: Unit<Vector3<f64>>,
     /// The planes, the main one first; may be empty where up was given.
     pub planes: Vec<FoundPlane>,

@@ -22,7 +22,7 @@ pub enum Segmentation {
     /// The label image.
     #[default]
     Labels,
-    /// What stands on a plane of the depth image.
+    /// The things that stand on a plane of the depth image.
     Table,
 }
 
@@ -62,7 +62,7 @@ const FLOOR_M: f32 = 0.012;
 const OUTLINE_SAMPLES: usize = 300;
 /// An object may hide the edge of its table: so far it may lie beyond, metres.
 const OVER_EDGE_M: f32 = 0.05;
-/// What begins higher above the table stands on something else, metres.
+/// A piece that begins higher above the table stands on something else, metres.
 const FLOATING_M: f32 = 0.25;
 /// Something small is noise if it is not higher than so many times the least height; small is this area as seen, square metres.
 const SPECK_HEIGHT: f32 = 1.5;
@@ -72,7 +72,7 @@ const SPECK_M2: f32 = 0.001;
 const FEW_READINGS: usize = 200;
 const FEW_M2: f32 = 8e-4;
 const LEAST_M2: f32 = 2.5e-4;
-/// What is longer stands around the table and not on it, metres: walls and furniture.
+/// A piece that is longer stands around the table and not on it, metres: walls and furniture.
 const MOST_LENGTH_M: f32 = 0.6;
 /// Readings of an object at least.
 const LEAST_PIXELS: usize = 60;
@@ -367,7 +367,7 @@ fn pieces_by_core(links: &Links, wanted: &[u32], state: &mut [u8]) -> Vec<Piece>
     found
 }
 
-/// What borders on a region of free pixels.
+/// The border of a region of free pixels.
 #[derive(Clone, Copy, Default)]
 struct Border {
     pixels: usize,

@@ -8,7 +8,7 @@ const LEAST_OVERLAP: f64 = 0.2;
 /// Or it is no further away than this, metres.
 const NEAR_M: f32 = 0.05;
 
-/// What is remembered of the last frame.
+/// The segments of the last frame, with their numbers.
 #[derive(Clone, Debug, Default)]
 pub struct SegmentTracks {
     labels: Vec<u16>,

@@ -84,7 +84,7 @@ impl Scene {
         }
     }
 
-    /// What the ray at u, v says of a point; `None` where u, v are not in the image.
+    /// The code of a point by the ray at u, v; `None` where u, v are not in the image.
     fn by_ray(&self, point: Vector, [u, v]: [f64; 2], pixel: [u32; 2]) -> (u8, f64) {
         let hit = if (self.missing)(pixel) { None } else { cast(&self.shapes, self.camera.direction([u, v])) };
         let (seen, margin) = classify(point[2], hit, OBJECT, &self.sensor, self.grid.half_depth());

@@ -84,7 +84,7 @@ fn distance(a: Vector, b: Vector) -> f64 {
     reference::dot(d, d).sqrt()
 }
 
-/// What a pixel measures on the object, twice: at each end, a reading may lie so far within.
+/// Width of a pixel on the object, twice: at each end, a reading may lie so far within.
 const FOOTPRINTS: f64 = 2.0 * 0.75 / 525.0;
 
 #[test]

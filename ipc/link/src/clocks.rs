@@ -1,4 +1,4 @@
-//! What lies between the monotonic clocks of two machines, by round trips.
+//! The offset between the monotonic clocks of two machines, by round trips.
 //!
 //! A question leaves at t₀ and its answer, the other clock's stamp s, is here at t₁: the other clock is ahead by s − (t₀ + t₁) / 2, to within
 //! (t₁ − t₀) / 2 whichever way was the longer. Clocks run apart by at most [`DRIFT`], so that an old round trip becomes less sure; the surest

@@ -144,7 +144,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What the threads share.
+/// The state that the threads share.
 #[derive(Default)]
 struct Shared {
     server: Mutex<Option<Arc<Server>>>,
@@ -181,7 +181,7 @@ impl Shared {
         }
     }
 
-    /// What this end plays, and what is to be added to a stamp of the other's; nothing while it plays nothing.
+    /// The server that this end runs for the other machine's daemon, and the offset, nanoseconds, to add to that machine's stamps.
     fn playing(&self) -> Option<(Arc<Server>, i64)> {
         let offset = self.offset()?;
         Some((lock(&self.server).clone()?, -offset.ahead_ns))

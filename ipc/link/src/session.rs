@@ -19,7 +19,7 @@ pub enum LinkError {
     /// zenoh.
     #[error("{what}: {cause}")]
     Zenoh {
-        /// What could not be done.
+        /// The operation that failed.
         what: String,
         /// zenoh's word for it.
         cause: String,
@@ -38,7 +38,7 @@ pub enum LinkError {
     Receive(#[from] beo_ipc::ReceiveError),
 }
 
-/// What zenoh says of something that it could not do.
+/// The error of an operation that zenoh could not do, named by `what`.
 pub fn zenoh_error(what: impl Into<String>) -> impl FnOnce(zenoh::Error) -> LinkError {
     // Its texts have several lines, with the places in its source.
     move |error| LinkError::Zenoh { what: what.into(), cause: error.to_string().split(" at ").next().unwrap_or_default().to_owned() }

@@ -1,4 +1,4 @@
-//! What a frame's answers are in ROS: detections, the cloud of completed voxels, transforms, the names of the classes.
+//! A frame's answers as ROS messages: detections, the cloud of completed voxels, transforms, the names of the classes.
 
 use crate::completed::Voxel;
 use crate::covariance::{covariance, hypotheses, rotation, rotation_object_to_frame};

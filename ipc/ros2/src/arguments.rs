@@ -60,7 +60,7 @@ pub struct Arguments {
 /// Where masks come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Masks {
-    /// What stands on a table is found in the depth image
+    /// Objects that stand on a table, found in the depth image
     Own,
     /// The topic `segmentation`: mono8, 16UC1 or 32SC1, a number for each object
     Topic,
@@ -78,7 +78,7 @@ pub enum ArgumentError {
     /// A name.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// What clap says, help and version among it.
+    /// A usage error of clap, or its texts of help and version.
     #[error(transparent)]
     Usage(#[from] clap::Error),
 }

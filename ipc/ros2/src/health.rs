@@ -13,7 +13,7 @@ const AGAIN: Duration = Duration::from_secs(10);
 /// Trouble older than this is over.
 const OVER: Duration = Duration::from_secs(2);
 
-/// What is counted.
+/// The events that are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Count {
     /// Depth images that came.

@@ -1,4 +1,4 @@
-//! What RViz draws: box, text, pose hypotheses and completed voxels of each object; what is gone is taken away.
+//! Markers for RViz: box, text, pose hypotheses and completed voxels of each object; those of objects that are gone are deleted.
 
 use crate::answers::{Answer, best_pose, class_name, extent_m, ordered, pose};
 use crate::covariance::rotation_object_to_frame;
@@ -15,7 +15,7 @@ const HYPOTHESES: i32 = 8;
 /// Draws frame after frame.
 #[derive(Debug, Default)]
 pub struct Drawing {
-    /// What is drawn: namespace and number.
+    /// The markers that are drawn: namespace and number.
     drawn: BTreeSet<(&'static str, i32)>,
 }
 

@@ -154,7 +154,7 @@ impl Perceiving {
     }
 }
 
-/// What is said of an image besides its grids.
+/// Stamps and frame of an image, which all its grids share.
 struct Said {
     arrived_ns: u64,
     stamp_ns: u64,

@@ -27,10 +27,10 @@ pub enum TransportError {
     /// A topic's name.
     #[error(transparent)]
     Name(#[from] crate::names::NameError),
-    /// What DDS said.
+    /// DDS could not make a participant, reader or writer.
     #[error("cannot make the {what} ({cause}): is there a network interface, and are the ports of domain {domain} free?")]
     Failed {
-        /// What was to be made.
+        /// The thing that was to be made.
         what: String,
         /// The domain.
         domain: u16,
@@ -39,7 +39,7 @@ pub enum TransportError {
     },
 }
 
-/// What comes from the graph.
+/// A message that came from the graph.
 pub enum Came {
     /// A depth image.
     Depth(Image),

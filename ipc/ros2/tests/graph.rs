@@ -105,7 +105,7 @@ fn node(instance: &str, domain: &str, more: &[&str]) -> Running {
     node
 }
 
-/// What stands on the table: the middle of its box in the camera's frame, and its sides.
+/// A box on the table: its middle in the camera's frame, and half its sides.
 struct Thing {
     middle: [f64; 3],
     half: [f64; 3],

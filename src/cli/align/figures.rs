@@ -2,7 +2,7 @@
 
 use beo_core::grid::{Dims, DimsError};
 use beo_picture::{Colour, Image, draw_probability, sheet};
-use beo_shapes::alignment::{Congealed, Placed, Settings, Similarity, Solid, measured};
+use beo_shapes::alignment::{AlignmentSettings, Congealed, Placed, ShapeSimilarity, Solid, measured};
 
 /// Shapes on the sheet of all shapes, evenly chosen where there are more.
 const MOST_SHOWN: usize = 60;
@@ -10,7 +10,7 @@ const MOST_SHOWN: usize = 60;
 const IN_A_ROW: usize = 4;
 
 /// The mean occupancy before, normalised and after, seen along x, y and z and from above at a slant.
-pub fn draw_means(name: &str, congealed: &Congealed, settings: &Settings) -> Result<Image, DimsError> {
+pub fn draw_means(name: &str, congealed: &Congealed, settings: &AlignmentSettings) -> Result<Image, DimsError> {
     let dims = Dims::cube(settings.resolution)?;
     let row = |what: &str, placed: &Placed| {
         let bits = format!("{what}: {:.0} bits", placed.entropy);
@@ -25,9 +25,15 @@ pub fn draw_means(name: &str, congealed: &Congealed, settings: &Settings) -> Res
 }
 
 /// Every shape as it came, aligned, and aligned from above.
-pub fn draw_shapes(name: &str, files: &[&str], solids: &[Solid], congealed: &Congealed, settings: &Settings) -> Result<Image, DimsError> {
+pub fn draw_shapes(
+    name: &str,
+    files: &[&str],
+    solids: &[Solid],
+    congealed: &Congealed,
+    settings: &AlignmentSettings,
+) -> Result<Image, DimsError> {
     let dims = Dims::cube(settings.resolution)?;
-    let occupancy = |shape: usize, placement: &Similarity| measured(&solids[shape..=shape], settings, vec![*placement]).mean;
+    let occupancy = |shape: usize, placement: &ShapeSimilarity| measured(&solids[shape..=shape], settings, vec![*placement]).mean;
     let shown: Vec<usize> = (0..solids.len().min(MOST_SHOWN)).map(|n| n * solids.len() / solids.len().min(MOST_SHOWN)).collect();
     let cells: Vec<[(Image, String); 3]> = shown
         .iter()

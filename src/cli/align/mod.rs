@@ -7,7 +7,7 @@ use crate::cli::progress;
 use crate::cli::shapes::UpArgument;
 use beo_core::grid::{Dims, Occupancy, Rotation, to_xyzw};
 use beo_core::whole_file::write_whole;
-use beo_shapes::alignment::{self, Congealed, Settings, Similarity, Solid, grid_point};
+use beo_shapes::alignment::{self, AlignmentSettings, Congealed, ShapeSimilarity, Solid, grid_point};
 use beo_shapes::library::{self, Library, ShapeFile};
 use beo_shapes::{ALIGNMENT_FILE, AlignedClass, AlignedFile, Alignment, Content, Format, MeshError, ReadError, Up};
 use beo_shapes::{read_content, usual_up, write_binvox, write_off};
@@ -68,7 +68,7 @@ impl Align {
             .into_iter()
             .flatten()
             .try_for_each(|folder| std::fs::create_dir_all(folder).map_err(cannot_write(folder)))?;
-        let settings = Settings { resolution: self.resolution, keep_up: self.keep_up, seed: self.seed };
+        let settings = AlignmentSettings { resolution: self.resolution, keep_up: self.keep_up, seed: self.seed };
         let bar = progress::bar(100 * library.classes.len(), "aligning");
         let mut classes = BTreeMap::new();
         for (class, (name, members)) in library.classes.iter().zip(members).enumerate() {
@@ -170,7 +170,7 @@ impl Align {
         };
         let mut taken = BTreeSet::new();
         let outputs: Vec<String> = files.iter().map(|file| output_name(&inside(file), &mut taken)).collect();
-        let write = |((file, output), placement): ((&&ShapeFile, &String), &Similarity)| {
+        let write = |((file, output), placement): ((&&ShapeFile, &String), &ShapeSimilarity)| {
             let path = self.out.join(output);
             let content = self.content(file)?;
             let turned = self.up_of(file) == Up::Y;
@@ -229,7 +229,7 @@ fn output_name(input: &str, taken: &mut BTreeSet<String>) -> String {
 
 /// Voxels as they lie in the unit cube, on a cube of as many voxels as the longest side had: filled where at least half of the eight points in a
 /// voxel come from filled ones.
-fn resampled(object: &Occupancy, placement: &Similarity) -> Result<Occupancy, Failure> {
+fn resampled(object: &Occupancy, placement: &ShapeSimilarity) -> Result<Occupancy, Failure> {
     let dims = object.dims();
     let side = dims.x().max(dims.y()).max(dims.z());
     let to = Dims::cube(side)?;

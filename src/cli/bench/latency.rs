@@ -170,7 +170,7 @@ impl Latency {
 }
 
 impl Latency {
-    /// What the load `camera` sees.
+    /// Objects and frame rate of the load `camera`.
     fn camera(&self) -> Result<CameraRate, Failure> {
         let is_seen = self.load.iter().flat_map(|argument| argument.loads()).any(|load| *load == Load::Camera);
         if !is_seen && (self.objects.is_some() || self.rate.is_some()) {

@@ -25,7 +25,7 @@ pub(super) struct Description {
     pub(super) frame_id: Option<String>,
 }
 
-/// What is known of the images besides the file.
+/// Knowledge of the images that chooses between the cameras of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CameraChoice<'a> {
     /// Columns and rows of the images; for files that say no size, or hold the cameras of several.

@@ -26,7 +26,7 @@ pub(super) enum Node {
 /// A list or mapping that the walk is in.
 enum Open {
     List(Vec<Node>),
-    /// What is complete, and the key whose value comes next.
+    /// The complete entries, and the key whose value comes next.
     Map(Vec<(String, Node)>, Option<String>),
 }
 

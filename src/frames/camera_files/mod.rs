@@ -28,7 +28,7 @@ use description::{Description, choose};
 use document::{LONGEST, Node};
 use error::wrong;
 
-/// What is read of a camera's file.
+/// The content of a camera's file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraInfo {
     /// The camera.

@@ -1,4 +1,4 @@
-//! What librealsense prints: `rs-enumerate-devices -c`, a block for each stream and resolution, and the Python wrapper's one line.
+//! The output of librealsense: `rs-enumerate-devices -c`, a block for each stream and resolution, and the Python wrapper's one line.
 
 use super::description::Description;
 use super::distortion;

@@ -13,7 +13,7 @@ pub enum FolderError {
     List {
         /// The folder.
         path: PathBuf,
-        /// What the operating system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// There is no frame in it.
@@ -28,7 +28,7 @@ pub enum FolderError {
     /// A frame lacks something.
     #[error("there is no {}", expected.display())]
     Missing {
-        /// What was looked for.
+        /// The file that was looked for.
         expected: PathBuf,
     },
     /// There is no camera.

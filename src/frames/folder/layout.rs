@@ -20,7 +20,7 @@ pub(super) enum Labels {
     Image(PathBuf),
     /// Label and mask of each instance.
     Masks(Vec<(u16, PathBuf)>),
-    /// What was looked for.
+    /// The file that was looked for.
     Missing(PathBuf),
 }
 

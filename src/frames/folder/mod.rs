@@ -24,12 +24,12 @@ use layout::{Camera, FrameFiles, Kind, Labels};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What a folder does not say itself.
+/// Settings that a folder does not state itself.
 #[derive(Clone, Debug)]
 pub struct FolderOptions {
     /// Metres per unit of depth images of every type; otherwise what the scene says, or [`DepthUnit::default`].
     pub metres_per_unit: Option<f64>,
-    /// What depth images measure.
+    /// The length that depth images hold.
     pub depth_along: DepthAlong,
     /// Values of depth images, in their own units, that are no reading, besides those that never are.
     pub no_reading: Vec<f64>,
@@ -43,11 +43,11 @@ pub struct FolderOptions {
     pub is_rectified: bool,
     /// Labels that are no object.
     pub void_labels: VoidLabels,
-    /// What becomes of frames without label image or masks.
+    /// Treatment of frames without label image or masks.
     pub unlabelled: Unlabelled,
 }
 
-/// What becomes of frames that have neither a label image nor masks.
+/// Treatment of frames that have neither a label image nor masks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unlabelled {
     /// They cannot be read. Use this where objects come from labels alone.

@@ -35,7 +35,7 @@ impl DepthUnit {
     }
 }
 
-/// What depth images measure.
+/// The length that depth images hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthAlong {
     /// The coordinate along the optical axis, as depth cameras and renderers give it.

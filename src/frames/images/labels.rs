@@ -24,7 +24,7 @@ pub struct ColourLabels(BTreeMap<[u8; 3], u16>);
 
 /// More colours are no instances: a photograph, or labels with softened edges.
 const MOST_COLOURS: usize = 1000;
-/// What outlines are drawn with where PASCAL VOC's label images were saved without their palette.
+/// The colour of outlines where PASCAL VOC's label images were saved without their palette.
 const VOC_VOID: [u8; 3] = [224, 224, 192];
 
 impl Raster {

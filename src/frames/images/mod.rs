@@ -100,7 +100,7 @@ impl Raster {
     }
 }
 
-/// What is wrong with a file as a whole.
+/// The error of a file as a whole.
 pub(super) fn problem(format: &'static str, problem: String) -> FormatError {
     FormatError::File { format, problem: printable(&problem) }
 }

@@ -43,7 +43,7 @@ pub struct CircleView {
     pub azimuth_rad: f64,
     /// Takes the camera's frame to the world's: the object stands at its origin, z up.
     pub camera_to_world: Isometry3<f64>,
-    /// What the sensor delivers.
+    /// The depth image as the sensor delivers it.
     pub image: DepthImage,
 }
 

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub struct WriteError {
     /// The file.
     path: PathBuf,
-    /// What the operating system or the encoder said.
+    /// The error of the operating system or of the encoder.
     problem: String,
 }
 

@@ -1,4 +1,4 @@
-//! What a real depth sensor adds and misses, modelled on structured light of the first Kinect's kind.
+//! Noise and missing readings of a real depth sensor, modelled on structured light of the first Kinect's kind.
 //!
 //! In this order: strips without reading where the projector's light is blocked, edges that are missing or lie between the surfaces,
 //! grazing and random dropout, Gaussian noise by depth, steps of disparity, the range. The defaults are what 12 frames of such a camera
@@ -42,7 +42,7 @@ pub struct NoiseModelError {
     pub field: &'static str,
     /// Its value.
     pub value: f64,
-    /// What it must be.
+    /// The condition that it breaks.
     pub expected: &'static str,
 }
 
@@ -262,7 +262,7 @@ impl Pixel<'_> {
     }
 }
 
-/// What a row's random numbers are for.
+/// The use of a row's random numbers.
 #[derive(Clone, Copy)]
 enum Purpose {
     Faults,

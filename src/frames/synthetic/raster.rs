@@ -18,7 +18,7 @@ const TILE: usize = 4;
 /// Triangles nearer than this are not looked up by their bounds, metres.
 const NEAREST: f64 = 1e-3;
 
-/// What the camera looks at.
+/// The objects that the camera looks at.
 #[derive(Clone, Debug, Default)]
 pub struct Scene<'a> {
     items: Vec<Item<'a>>,

@@ -2,10 +2,10 @@
 
 use super::calibration::fit_blend;
 use super::camera_forest::measured;
-use super::camera_views::{AtRest, Part, Sample, Views, are_plain, stream};
+use super::camera_views::{AtRest, ComponentShapes, ViewSample, Views, are_plain, stream};
 use crate::grid::{Outside, yaw_of};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
-use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner, RefineScratch};
+use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner, ModeRefinerScratch};
 use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::evidence::lattice::Codes;
@@ -60,7 +60,7 @@ struct Scored {
     log_sizes: Vec<f64>,
     /// Logarithms of the classes' shares of the forest.
     forest: Vec<f64>,
-    sample: Sample,
+    sample: ViewSample,
 }
 
 impl Scored {
@@ -81,7 +81,7 @@ fn value(cell: &Cell, log_size: f64, weight: f64, size_weight: f64) -> f64 {
 /// Fits all of it.
 pub fn calibrate(
     densities: CameraDensities,
-    parts: &[Part],
+    parts: &[ComponentShapes],
     left_out: &LeftOut<'_>,
     classes: usize,
     views: &Views<'_>,
@@ -169,7 +169,7 @@ pub fn calibrate(
         accuracy: with_forest.accuracy,
         log_loss: with_forest.log_loss,
     };
-    let samples: Vec<Sample> = scored.into_iter().take(MOST_PLACED).map(|view| view.sample).collect();
+    let samples: Vec<ViewSample> = scored.into_iter().take(MOST_PLACED).map(|view| view.sample).collect();
     calibration.spread = spread(left_out, classes, views.lying, (scores, calibration.clone()), &samples)?;
     tracing::debug!(spread = ?calibration.spread, "deviations of place and size on shapes that were left out");
     Ok(calibration)
@@ -191,10 +191,10 @@ fn spread(
     classes: usize,
     lying: bool,
     cameras: (CameraScores, CameraCalibration),
-    samples: &[Sample],
+    samples: &[ViewSample],
 ) -> Result<Option<CameraSpread>, PerceiveError> {
     let wanted = vec![true; classes];
-    let answer = |sample: &Sample| -> Option<Result<[[f64; 3]; 2], PerceiveError>> {
+    let answer = |sample: &ViewSample| -> Option<Result<[[f64; 3]; 2], PerceiveError>> {
         if left_out.evidence.dims() != sample.observation.dims() {
             return None;
         }
@@ -242,7 +242,7 @@ fn spread(
 }
 
 /// One of the ways in which a shape rests, drawn by its probability.
-fn rests<'a>(parts: &'a [Part], class: usize, shape: usize, rng: &mut ChaCha8Rng) -> Option<(usize, &'a AtRest)> {
+fn rests<'a>(parts: &'a [ComponentShapes], class: usize, shape: usize, rng: &mut ChaCha8Rng) -> Option<(usize, &'a AtRest)> {
     let ways: Vec<(usize, &AtRest)> = (0..parts.len())
         .filter(|n| parts[*n].component.class == class)
         .filter_map(|n| parts[n].shapes.iter().find(|at_rest| at_rest.shape == shape).map(|at_rest| (n, at_rest)))
@@ -274,7 +274,7 @@ fn weigh_as_they_lie(
         return Ok(None);
     }
     let weigh_one = |view: &Scored| -> Result<(Vec<f64>, Vec<f64>), PerceiveError> {
-        let Sample { frame, observation, placed, .. } = &view.sample;
+        let ViewSample { frame, observation, placed, .. } = &view.sample;
         let (rotation, scale, place) = frame.seen(placed);
         let told = KnownPlacement { upright: true, yaw: Some(yaw_of(&rotation)), scale: Some(scale), place: Some(place) };
         let mut work = ViewWork::default();
@@ -326,7 +326,7 @@ fn weigh(
             frame: &view.sample.frame,
             told: &KnownPlacement::default(),
         };
-        let mut scratch = RefineScratch::new(dims);
+        let mut scratch = ModeRefinerScratch::new(dims);
         let mut evidence = vec![f64::INFINITY; classes];
         for class in likely {
             let of_class = view.cells.iter().zip(&view.log_sizes).filter(|(cell, _)| cell.class == class);

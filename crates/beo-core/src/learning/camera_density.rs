@@ -8,7 +8,7 @@
 
 use super::camera_calibration::{LeftOut, calibrate};
 use super::camera_forest::Measured;
-use super::camera_views::{ClassShapes, Part, Views, are_plain, around, parts, stream};
+use super::camera_views::{ClassShapes, ComponentShapes, Views, are_plain, around, parts, stream};
 use super::components::principal_components;
 use super::regressed::{Moments, regressed};
 use crate::linear::LinearError;
@@ -74,11 +74,11 @@ fn reach(elevations: &[f64], e: usize) -> f64 {
 }
 
 /// Whether there are so many components that each gets fewer features and views; classes alone never are.
-fn are_many(parts: &[Part]) -> bool {
+fn are_many(parts: &[ComponentShapes]) -> bool {
     parts.len() > FEW_COMPONENTS && !are_plain(parts)
 }
 
-fn feature_basis(parts: &[Part], views: &Views<'_>) -> Result<Features, LinearError> {
+fn feature_basis(parts: &[ComponentShapes], views: &Views<'_>) -> Result<Features, LinearError> {
     let all: Vec<_> = parts.iter().flat_map(|part| &part.shapes).collect();
     let (shapes, plain) = (all.len(), are_plain(parts));
     let count = (2 * shapes).clamp(FEATURE_VIEWS.0, FEATURE_VIEWS.1);
@@ -112,7 +112,7 @@ fn feature_basis(parts: &[Part], views: &Views<'_>) -> Result<Features, LinearEr
 
 /// Densities from one in `share` of the views, of the shapes that `is_kept` (class, shape).
 fn fit(
-    parts: &[Part],
+    parts: &[ComponentShapes],
     views: &Views<'_>,
     features: &Features,
     share: usize,
@@ -137,7 +137,7 @@ fn fit(
     for e in 0..views.elevations.len() {
         let moments_of = |step: usize, round: bool| -> Vec<Option<Moments>> {
             let (mut shadow, mut z) = (Shadow::default(), Vec::new());
-            let of_part = |(s, part): (usize, &Part)| {
+            let of_part = |(s, part): (usize, &ComponentShapes)| {
                 if part.is_round != round {
                     return None;
                 }

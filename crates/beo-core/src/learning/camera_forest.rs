@@ -5,7 +5,7 @@
 //! by height and how surfaces bend. How much either counts is fitted on shapes that were left out (`camera_calibration`).
 
 use super::calibration::fit_blend;
-use super::camera_views::{AtRest, Part, Sample, Views, stream};
+use super::camera_views::{AtRest, ComponentShapes, ViewSample, Views, stream};
 use super::distractors::distractor;
 use super::forest::{Growth, Samples, grow};
 use crate::linear::LinearError;
@@ -23,14 +23,14 @@ const WITHOUT_SIZE: f64 = 0.15;
 /// How the trees grow.
 const TREES: usize = 80;
 const LEAST_LEAF: usize = 8;
-/// What the forest may take of a model's file, about: the more classes, the larger its leaves.
+/// Size of the forest in a model's file, bytes, about: the more classes, the larger its leaves.
 const MOST_BYTES: usize = 4_000_000;
 /// Highest camera, radians.
 const HIGHEST: f64 = 1.5;
 /// Attempts at a view in which enough is seen.
 const ATTEMPTS: usize = 5;
 
-/// What views measure, one row each, and what was seen: a class, or one more than there are for none.
+/// The measures of some views, one row each, and the class that each shows; the number of classes stands for none of them.
 #[derive(Default)]
 pub struct Measured {
     inputs: Vec<f32>,
@@ -39,7 +39,13 @@ pub struct Measured {
 
 impl Measured {
     /// Views of the shapes that are allowed (class, shape), and of as many things of no class as of one class on average.
-    pub fn draw(parts: &[Part], classes: usize, is_allowed: &(dyn Fn(usize, usize) -> bool + Sync), views: &Views<'_>, salt: u64) -> Self {
+    pub fn draw(
+        parts: &[ComponentShapes],
+        classes: usize,
+        is_allowed: &(dyn Fn(usize, usize) -> bool + Sync),
+        views: &Views<'_>,
+        salt: u64,
+    ) -> Self {
         let of_class = |class: usize| -> Vec<(f64, Vec<&AtRest>)> {
             let own = parts.iter().filter(|part| part.component.class == class);
             own.map(|part| {
@@ -132,8 +138,8 @@ fn least_leaf(views: usize, classes: usize) -> usize {
     (TREES * views * 3 * bytes / 4 / MOST_BYTES).max(LEAST_LEAF)
 }
 
-/// What a view measures.
-pub fn measured(sample: &Sample) -> Vec<f32> {
+/// The measures of a view.
+pub fn measured(sample: &ViewSample) -> Vec<f32> {
     let mut out = Vec::with_capacity(MEASURES);
     measure(&sample.frame, &sample.observation, sample.voxel_m, &mut MeasureScratch::default(), &mut out);
     out

@@ -5,7 +5,7 @@ use super::sizes::kinds;
 use crate::grid::{Dims, Observation, Occupancy, Rotation, Similarity, Turn, yaw};
 use crate::model::{Component, OFFSETS};
 use crate::perception::camera::ViewFrame;
-use crate::simulation::{Eye, Sensing, View};
+use crate::simulation::{Eye, RenderedView, Sensing};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -66,7 +66,7 @@ pub struct AtRest {
 }
 
 /// A component and the shapes that are of it.
-pub struct Part {
+pub struct ComponentShapes {
     /// The component, as the model keeps it.
     pub component: Component,
     /// Its shapes.
@@ -76,11 +76,11 @@ pub struct Part {
 }
 
 /// The components of all classes, in the order of the classes. `lying`: whether resting poses are looked for; else all stand upright.
-pub fn parts(classes: &[ClassShapes<'_>], lying: bool) -> Vec<Part> {
+pub fn parts(classes: &[ClassShapes<'_>], lying: bool) -> Vec<ComponentShapes> {
     classes.iter().enumerate().flat_map(|(class, shapes)| parts_of(class, shapes, lying)).collect()
 }
 
-fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
+fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<ComponentShapes> {
     let count = shapes.objects.len();
     let (kinds, of) = match shapes.lengths_m {
         Some(lengths) => {
@@ -117,7 +117,7 @@ fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Part> {
                 Component { class, probability: share * pose.probability, resting_rotation: crate::grid::to_xyzw(&pose.rotation), size };
             // Upright shapes of no known size are seen at every step of yaw.
             let is_round = (lying || size.is_some()) && are_round(&shapes);
-            parts.push(Part { component, shapes, is_round });
+            parts.push(ComponentShapes { component, shapes, is_round });
         }
     }
     parts
@@ -136,7 +136,7 @@ fn are_round(shapes: &[AtRest]) -> bool {
 }
 
 /// Whether every class is one upright component without a size.
-pub fn are_plain(parts: &[Part]) -> bool {
+pub fn are_plain(parts: &[ComponentShapes]) -> bool {
     parts.iter().all(|part| part.component.is_upright() && part.component.size.is_none())
 }
 
@@ -148,7 +148,7 @@ pub fn stream(seed: u64, group: u64, view: u64) -> ChaCha8Rng {
 }
 
 /// A view of a shape, and how the shape lies in it.
-pub struct Sample {
+pub struct ViewSample {
     /// Where the camera was, in voxels from the grid's centre.
     pub camera: Vector3<f64>,
     /// The view's frame.
@@ -187,23 +187,23 @@ impl AtRest {
     }
 
     /// As [`Self::see`], the shape on the finest grid that there is: views take several times as long.
-    pub fn see_finely(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
+    pub fn see_finely(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<ViewSample> {
         self.see_on(self.finest(), turned, elevation, sensing, rng)
     }
 
     /// Sees the shape turned by `turned` radians relative to the direction of looking, from an elevation; `None` if too little is seen.
-    pub fn see(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
+    pub fn see(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<ViewSample> {
         self.see_on(&self.turned, turned, elevation, sensing, rng)
     }
 
-    fn see_on(&self, object: &Occupancy, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<Sample> {
+    fn see_on(&self, object: &Occupancy, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<ViewSample> {
         let fineness = self.fineness(object);
         let [low, high] = object.bounds()?;
         let size = (0..3).map(|a| high[a] - low[a]).max()? as f64;
         let (sides, conditions) = sensing.draw(self.side_m, rng);
         // The camera looks along +x of the frame; in the object's frame that direction is turned back.
         let eye = Eye { azimuth: PI - turned, elevation, distance: size * sides };
-        let view = View::new(object, &eye, &conditions, rng)?;
+        let view = RenderedView::new(object, &eye, &conditions, rng)?;
         // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
         let axes = yaw(-turned);
         let points: Vec<Vector3<f64>> = view.points().iter().map(|p| axes.inverse() * p.coords).collect();
@@ -228,11 +228,11 @@ impl AtRest {
         let frame = ViewFrame::new(&observation, &camera, &mut Vec::new())?;
         let longest = self.lengths.into_iter().fold(0.0, f64::max);
         let voxel_m = self.side_m.map(|side| side / (longest * fineness) * edge);
-        Some(Sample { camera, frame, observation, placed, voxel_m, lengths: self.lengths })
+        Some(ViewSample { camera, frame, observation, placed, voxel_m, lengths: self.lengths })
     }
 }
 
-impl Sample {
+impl ViewSample {
     /// The yaw in the view's frame, of an object whose component rests by `resting`.
     pub fn yaw(&self, resting: &Rotation) -> f64 {
         let (rotation, ..) = self.frame.seen(&self.placed);

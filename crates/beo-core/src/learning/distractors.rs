@@ -1,7 +1,7 @@
 //! Made-up things of no class, so that a model learns what it does not know: lumps of a few solids, two shapes side by side or on one
 //! another under one mask, and shapes of a size that their class does not have.
 
-use super::camera_views::{AtRest, Part};
+use super::camera_views::{AtRest, ComponentShapes};
 use crate::grid::{Dims, Occupancy, Rotation, yaw};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
@@ -80,7 +80,7 @@ fn voxels(pieces: &[Piece<'_>], dims: Dims) -> Option<Occupancy> {
 }
 
 /// A thing of no class, made of the shapes of `parts` that are allowed (class, shape) or of none of them.
-pub fn distractor(parts: &[Part], is_allowed: &dyn Fn(usize, usize) -> bool, rng: &mut impl Rng) -> Option<AtRest> {
+pub fn distractor(parts: &[ComponentShapes], is_allowed: &dyn Fn(usize, usize) -> bool, rng: &mut impl Rng) -> Option<AtRest> {
     let pick = |rng: &mut dyn Rng| -> Option<&AtRest> {
         // A bounded search: few shapes are left out of some.
         (0..100).find_map(|_| {

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// What is learned from: one row of inputs for each sample, and its outcome.
+/// A training set: one row of inputs for each sample, and its outcome.
 pub struct Samples<'a> {
     /// Rows of inputs, one after the other. Missing values are not numbers.
     pub inputs: &'a [f32],

@@ -13,7 +13,7 @@ use super::shapes::{ShapeSet, by_class};
 use super::shrinkage::{centre, shrunk_covariance};
 use super::view_density::view_densities;
 use crate::grid::{Occupancy, Shrinking};
-use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Searched, Settings, levels_of};
+use crate::model::{ClassInfo, ClassModel, FORMAT_VERSION, HullDensity, Metadata, Model, Searched, TrainingSettings, levels_of};
 use crate::perception::evidence::placed::EvidenceModel;
 use faer::Mat;
 use rayon::prelude::*;
@@ -165,7 +165,7 @@ fn learn(data: &Data<'_>, names: &[String], options: &TrainOptions, progress: &(
         classes: infos,
         noise_variance: fit.noise,
         calibration,
-        settings: Settings {
+        settings: TrainingSettings {
             splits: options.splits.clone(),
             views: options.views.clone(),
             camera_elevations_deg: options.camera_elevations_deg.clone(),

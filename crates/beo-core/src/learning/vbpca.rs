@@ -28,7 +28,7 @@ impl Default for Priors {
 
 /// A component that the data supports.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Component {
+pub struct PrincipalComponent {
     /// Singular value of the centred data, γ.
     pub singular_value: f64,
     /// Singular value of the posterior mean of W C, γ̂ < γ.
@@ -42,7 +42,7 @@ pub struct Component {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vbpca {
     /// Kept components, largest singular value first; the others are pruned to zero.
-    pub components: Vec<Component>,
+    pub components: Vec<PrincipalComponent>,
     /// Noise variance σ² of one voxel.
     pub noise_variance: f64,
     /// Variational free energy at the solution (a bound on −log evidence), in nats.
@@ -106,7 +106,7 @@ pub fn solve_with_noise(spectrum: &Spectrum<'_>, priors: Priors, noise_variance:
         };
         energy += factor_energy(&factors, singular * shrunk, d, n, s2, priors);
         let second_moment = factors.coefficient_norm2 / n + factors.coefficient_variance;
-        components.push(Component { singular_value: singular, shrunk, variance: factors.basis_norm2 * second_moment });
+        components.push(PrincipalComponent { singular_value: singular, shrunk, variance: factors.basis_norm2 * second_moment });
     }
     Vbpca { components, noise_variance, free_energy: energy / 2.0 }
 }

@@ -29,7 +29,7 @@ pub struct Metadata {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub camera_components: Vec<Component>,
     /// How the model was trained.
-    pub settings: Settings,
+    pub settings: TrainingSettings,
 }
 
 /// One class.
@@ -51,7 +51,7 @@ pub struct ClassInfo {
 
 /// Settings of training that the model depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct TrainingSettings {
     /// Splits that were read.
     pub splits: Vec<String>,
     /// Views for which hull densities were learned.

@@ -28,7 +28,7 @@ pub use footprint::Footprint;
 pub use forest::{Forest, LEAF};
 pub use metadata::{
     Blend, Calibration, CameraCalibration, CameraSpread, ClassInfo, CompletionCalibration, FORMAT_VERSION, Metadata, NoneCalibration,
-    Settings,
+    TrainingSettings,
 };
 pub use view_density::{DIRECTIONS, ViewDensities};
 

@@ -55,5 +55,5 @@ pub use kernels::lanes;
 pub use needs::{derived_bytes, workspace_bytes};
 pub use perceiver::{Classified, Perceiver, Workspace};
 pub use percept::{Hypothesis, ObjectBox, Percept};
-pub use query::{Frame, Method, PaperPose, PoseSearch, Projection, Query, RotationPrior, ScaleSearch};
+pub use query::{CompletionFrame, Method, PaperPose, PoseSearch, Projection, Query, RotationPrior, ScaleSearch};
 pub use timings::Timings;

@@ -3,7 +3,7 @@
 //! Each stage is a type with scratch memory of its own, which hands a value to the next; this file is the only one that knows them all.
 
 use super::camera::camera_search::is_viewed;
-use super::completion::completing::{Completion, CompletionScratch, Value};
+use super::completion::completing::{Completion, CompletionScratch, OutputValue};
 use super::error::PerceiveError;
 #[cfg(test)]
 use super::evidence::placed::EvidenceModel;
@@ -180,7 +180,7 @@ impl Classified<'_> {
     ///
     /// # Panics
     /// If there is not one value per voxel.
-    pub fn complete_into<V: Value>(self, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
+    pub fn complete_into<V: OutputValue>(self, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
         let Workspace { grid, completion, .. } = self.work;
         let OneGridScratch { seen, frame, projection, posteriors, .. } = grid;
         let completion = Completion {

@@ -48,7 +48,7 @@ impl Eye {
 }
 
 /// An image of an object.
-pub struct View {
+pub struct RenderedView {
     intrinsics: Intrinsics,
     depth: Vec<f32>,
     labels: Vec<u16>,
@@ -59,7 +59,7 @@ pub struct View {
     table: Option<Plane>,
 }
 
-impl View {
+impl RenderedView {
     /// Renders `object` from `eye`; `None` for an object without a filled voxel.
     pub fn new(object: &Occupancy, eye: &Eye, conditions: &Conditions, rng: &mut impl Rng) -> Option<Self> {
         let caster = RayCaster::new(object)?;
@@ -388,7 +388,7 @@ impl Hollow {
 pub fn observe(object: &Occupancy, eye: &Eye) -> Observation {
     let mut observation = Observation::unknown(object.dims());
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    if let Some(view) = View::new(object, eye, &Conditions::default(), &mut rng) {
+    if let Some(view) = RenderedView::new(object, eye, &Conditions::default(), &mut rng) {
         view.carve(object.dims(), &Rotation::identity(), &Vector3::zeros(), 1.0, &mut Vec::new(), &mut observation);
     }
     observation

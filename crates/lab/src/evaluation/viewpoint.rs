@@ -100,8 +100,8 @@ impl Posed {
             distance: distance * size,
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let see = |view: usize| simulation::View::new(&object, &eye(view), &Conditions::default(), &mut rng);
-        let views: Vec<simulation::View> = (0..fused).filter_map(see).collect();
+        let see = |view: usize| simulation::RenderedView::new(&object, &eye(view), &Conditions::default(), &mut rng);
+        let views: Vec<simulation::RenderedView> = (0..fused).filter_map(see).collect();
         // Axes of the grid, its centre and the edge of its voxels, in the object's.
         let (mut axes, mut centre, mut edge) = (Rotation::identity(), Vector3::zeros(), 1.0);
         if scale_search && let Some(view) = views.first() {

@@ -1,20 +1,20 @@
 //! Where the aligned shapes of a class come to lie: about the origin of the unit cube, along its axes.
 
-use super::settings::{LONGEST, Settings};
+use super::settings::{AlignmentSettings, LONGEST};
 use super::solid::{Solid, principal};
-use super::transform::Similarity;
+use super::transform::ShapeSimilarity;
 use beo_core::grid::Rotation;
 use nalgebra::{Matrix3, Vector3};
 
 /// The similarity that takes all aligned shapes to the unit cube: the longest principal axis of the mean shape along x, the shortest along
 /// z; the half turns that leaves open are chosen so that the shapes reach out farther towards +x and +y; with up kept, the longer horizontal axis along x. Then the mean of the longest
 /// sides is [`LONGEST`], and the mean of the boxes' centres is the origin. All are made smaller where one would leave the cube.
-pub(super) fn to_unit_cube(solids: &[Solid], placements: &[Similarity], settings: &Settings) -> Similarity {
-    into_cube(solids, placements, Similarity::turning(orientation(solids, placements, settings.keep_up)))
+pub(super) fn to_unit_cube(solids: &[Solid], placements: &[ShapeSimilarity], settings: &AlignmentSettings) -> ShapeSimilarity {
+    into_cube(solids, placements, ShapeSimilarity::turning(orientation(solids, placements, settings.keep_up)))
 }
 
 /// The similarity after `turn` that brings the shapes into the cube.
-pub(super) fn into_cube(solids: &[Solid], placements: &[Similarity], turn: Similarity) -> Similarity {
+pub(super) fn into_cube(solids: &[Solid], placements: &[ShapeSimilarity], turn: ShapeSimilarity) -> ShapeSimilarity {
     let count = solids.len() as f64;
     let boxes: Vec<_> = solids.iter().zip(placements).map(|(solid, placement)| solid.placed_bounds(&turn.after(placement))).collect();
     let longest = boxes.iter().map(|[low, high]| (high - low).max()).sum::<f64>() / count;
@@ -22,15 +22,15 @@ pub(super) fn into_cube(solids: &[Solid], placements: &[Similarity], turn: Simil
     let farthest = boxes.iter().flatten().map(|p| (p.coords - middle).amax()).fold(0.0, f64::max);
     // Not quite onto the border, which would touch the voxels beyond.
     let scale = (LONGEST / longest).min(0.5 * (1.0 - 1e-6) / farthest);
-    Similarity { rotation: Rotation::identity(), scale, translation: -middle * scale }.after(&turn)
+    ShapeSimilarity { rotation: Rotation::identity(), scale, translation: -middle * scale }.after(&turn)
 }
 
-fn orientation(solids: &[Solid], placements: &[Similarity], keep_up: bool) -> Rotation {
+fn orientation(solids: &[Solid], placements: &[ShapeSimilarity], keep_up: bool) -> Rotation {
     // Moments of all shapes together, each with the same mass.
     let count = solids.len() as f64;
-    let centre = |solid: &Solid, placement: &Similarity| placement.place(&solid.centre.into()).coords;
+    let centre = |solid: &Solid, placement: &ShapeSimilarity| placement.place(&solid.centre.into()).coords;
     let middle = solids.iter().zip(placements).map(|(s, p)| centre(s, p)).sum::<Vector3<f64>>() / count;
-    let covariance = |(solid, placement): (&Solid, &Similarity)| {
+    let covariance = |(solid, placement): (&Solid, &ShapeSimilarity)| {
         let turn = placement.rotation.to_rotation_matrix();
         let off = centre(solid, placement) - middle;
         turn * solid.covariance * turn.transpose() * placement.scale.powi(2) + off * off.transpose()

@@ -10,9 +10,9 @@
 //!   are halved.
 
 use super::objective::Stack;
-use super::settings::Settings;
+use super::settings::AlignmentSettings;
 use super::solid::{Level, Solid};
-use super::transform::{Pose, Similarity, Steps};
+use super::transform::{Pose, ShapeSimilarity, Steps};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -28,7 +28,7 @@ const MOST_SCALE: f64 = 1.5;
 /// The shapes of one class and what they are given by.
 pub(super) struct Stage<'a> {
     pub solids: &'a [Solid],
-    pub settings: &'a Settings,
+    pub settings: &'a AlignmentSettings,
     /// Scale of each shape at a logarithm of zero.
     pub units: Vec<f64>,
 }
@@ -41,13 +41,13 @@ pub(super) struct State {
 }
 
 impl Stage<'_> {
-    pub fn similarity(&self, shape: usize, pose: &Pose) -> Similarity {
+    pub fn similarity(&self, shape: usize, pose: &Pose) -> ShapeSimilarity {
         pose.similarity(&self.solids[shape].centre, self.units[shape])
     }
 
     /// The stack; `None` if a shape leaves its canvas.
     pub fn stack(&self, level: Level, poses: &[Pose]) -> Option<Stack> {
-        let placements: Vec<Similarity> = poses.iter().enumerate().map(|(i, pose)| self.similarity(i, pose)).collect();
+        let placements: Vec<ShapeSimilarity> = poses.iter().enumerate().map(|(i, pose)| self.similarity(i, pose)).collect();
         Stack::of(level, self.settings.resolution, self.solids, &placements)
     }
 

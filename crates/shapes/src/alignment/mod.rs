@@ -22,9 +22,9 @@ mod transform;
 mod tree;
 
 pub use objective::binary_entropy;
-pub use settings::{LONGEST, Settings};
+pub use settings::{AlignmentSettings, LONGEST};
 pub use solid::{Solid, grid_point};
-pub use transform::Similarity;
+pub use transform::ShapeSimilarity;
 
 use beo_core::grid::Rotation;
 use descent::Stage;
@@ -35,7 +35,7 @@ use solid::Level;
 #[derive(Clone, Debug)]
 pub struct Placed {
     /// Input to output coordinates, one for each shape.
-    pub placements: Vec<Similarity>,
+    pub placements: Vec<ShapeSimilarity>,
     /// Entropy of the stack in bits, summed over the cells.
     pub entropy: f64,
     /// Mean occupancy of each cell of the unit cube, in C order.
@@ -58,7 +58,7 @@ pub struct Congealed {
 }
 
 /// Aligns shapes of one class; `progress` is called as the work goes on, with a share from 0 to 1. There must be at least one shape.
-pub fn congeal(solids: &[Solid], settings: &Settings, progress: impl Fn(f64)) -> Congealed {
+pub fn congeal(solids: &[Solid], settings: &AlignmentSettings, progress: impl Fn(f64)) -> Congealed {
     let count = solids.len() as f64;
     // The mean of the longest sides as they are is about what they come to in the end.
     let relative = solids.iter().map(|solid| solid.longest() / solid.radius).sum::<f64>() / count;
@@ -85,8 +85,8 @@ pub fn congeal(solids: &[Solid], settings: &Settings, progress: impl Fn(f64)) ->
     let aligned = similarities(&poses);
     let after = canonical::to_unit_cube(solids, &aligned, settings);
     let along_axes = similarities(&normalised);
-    let normal = canonical::into_cube(solids, &along_axes, Similarity::turning(Rotation::identity()));
-    let placed = |placements: Vec<Similarity>| measured(solids, settings, placements);
+    let normal = canonical::into_cube(solids, &along_axes, ShapeSimilarity::turning(Rotation::identity()));
+    let placed = |placements: Vec<ShapeSimilarity>| measured(solids, settings, placements);
     Congealed {
         before: placed(solids.iter().map(Solid::as_it_is).collect()),
         normalised: placed(along_axes.iter().map(|p| normal.after(p)).collect()),
@@ -97,7 +97,7 @@ pub fn congeal(solids: &[Solid], settings: &Settings, progress: impl Fn(f64)) ->
 }
 
 /// How well shapes agree that are placed in the unit cube.
-pub fn measured(solids: &[Solid], settings: &Settings, placements: Vec<Similarity>) -> Placed {
+pub fn measured(solids: &[Solid], settings: &AlignmentSettings, placements: Vec<ShapeSimilarity>) -> Placed {
     let mut stack = Stack::new(Level::Fine, settings.resolution, solids.len());
     // Within the unit cube nothing leaves the canvas.
     solids.iter().zip(&placements).for_each(|(solid, placement)| {

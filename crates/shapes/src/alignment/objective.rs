@@ -4,7 +4,7 @@
 //! Occupancies are whole numbers of 255ths, so that sums are exact whatever their order, and shapes can be taken out of the stack and
 //! put back without a trace.
 
-use super::Similarity;
+use super::ShapeSimilarity;
 use super::solid::{Canvas, Level, Solid};
 
 /// Occupancy of a full cell.
@@ -38,7 +38,7 @@ impl Stack {
     }
 
     /// The stack of all these shapes; `None` if one of them leaves the canvas.
-    pub fn of(level: Level, resolution: usize, solids: &[Solid], placements: &[Similarity]) -> Option<Self> {
+    pub fn of(level: Level, resolution: usize, solids: &[Solid], placements: &[ShapeSimilarity]) -> Option<Self> {
         let mut stack = Self::new(level, resolution, solids.len());
         solids.iter().zip(placements).all(|(solid, placement)| stack.add(solid, placement)).then_some(stack)
     }
@@ -49,13 +49,13 @@ impl Stack {
     }
 
     /// Adds a shape, unless it leaves the canvas.
-    pub fn add(&mut self, solid: &Solid, placement: &Similarity) -> bool {
+    pub fn add(&mut self, solid: &Solid, placement: &ShapeSimilarity) -> bool {
         let counts = &mut self.counts;
         solid.for_each_cell(self.level, &self.canvas, placement, |cell, value| counts[cell] += u32::from(value))
     }
 
     /// Takes a shape out that had been added with the same placement.
-    pub fn remove(&mut self, solid: &Solid, placement: &Similarity) {
+    pub fn remove(&mut self, solid: &Solid, placement: &ShapeSimilarity) {
         let counts = &mut self.counts;
         solid.for_each_cell(self.level, &self.canvas, placement, |cell, value| counts[cell] -= u32::from(value));
     }
@@ -71,7 +71,7 @@ impl Stack {
     }
 
     /// How much the entropy would rise by adding a shape; infinite if it leaves the canvas.
-    pub fn rise(&self, solid: &Solid, placement: &Similarity) -> f64 {
+    pub fn rise(&self, solid: &Solid, placement: &ShapeSimilarity) -> f64 {
         let mut rise = 0.0;
         let is_inside = solid.for_each_cell(self.level, &self.canvas, placement, |cell, value| {
             let count = self.counts[cell] as usize;

@@ -5,7 +5,7 @@ pub const LONGEST: f64 = 0.8;
 
 /// How shapes are aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct AlignmentSettings {
     /// Cells along the unit cube in which the entropy is measured.
     pub resolution: usize,
     /// Shapes are turned about z only. Use this for things that stand.
@@ -14,7 +14,7 @@ pub struct Settings {
     pub seed: u64,
 }
 
-impl Default for Settings {
+impl Default for AlignmentSettings {
     fn default() -> Self {
         Self { resolution: 40, keep_up: false, seed: 0 }
     }

@@ -1,7 +1,7 @@
 //! A shape as the objective sees it: smooth occupancy that can be sampled anywhere, and the moments that normalise its pose.
 
 use super::settings::LONGEST;
-use super::transform::Similarity;
+use super::transform::ShapeSimilarity;
 use crate::{Content, Mesh, voxelise};
 use beo_core::grid::{Dims, Occupancy};
 use beo_core::linear;
@@ -100,16 +100,16 @@ impl Solid {
     }
 
     /// The box about the placed shape.
-    pub fn placed_bounds(&self, placement: &Similarity) -> [Point3<f64>; 2] {
+    pub fn placed_bounds(&self, placement: &ShapeSimilarity) -> [Point3<f64>; 2] {
         let first = placement.place(&self.outline[0]);
         self.outline.iter().map(|p| placement.place(p)).fold([first; 2], |[low, high], p| [low.inf(&p), high.sup(&p)])
     }
 
     /// As shapes are read otherwise: unturned, the longest side [`LONGEST`], the box about the origin.
-    pub(super) fn as_it_is(&self) -> Similarity {
+    pub(super) fn as_it_is(&self) -> ShapeSimilarity {
         let [low, high] = self.bounds;
         let scale = LONGEST / self.longest();
-        Similarity { rotation: UnitQuaternion::identity(), scale, translation: -(low.coords + high.coords) / 2.0 * scale }
+        ShapeSimilarity { rotation: UnitQuaternion::identity(), scale, translation: -(low.coords + high.coords) / 2.0 * scale }
     }
 
     /// The third moments of the mass along the axes after a rotation, in units of the radius.
@@ -134,7 +134,13 @@ impl Solid {
 
     /// Calls `cell` with the index of every cell of the canvas that the placed shape reaches, and its occupancy there. Returns false, and
     /// calls nothing, if the shape leaves the canvas.
-    pub(super) fn for_each_cell(&self, level: Level, canvas: &Canvas, placement: &Similarity, mut cell: impl FnMut(usize, u8)) -> bool {
+    pub(super) fn for_each_cell(
+        &self,
+        level: Level,
+        canvas: &Canvas,
+        placement: &ShapeSimilarity,
+        mut cell: impl FnMut(usize, u8),
+    ) -> bool {
         let smooth = &self.smooth[level as usize];
         let [_, ny, nz] = smooth.sides;
         // Outline of the fine grid in cells: of the shape, and with what the blur adds.

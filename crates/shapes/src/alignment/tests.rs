@@ -30,7 +30,7 @@ fn hammer(length: f64, head: f64) -> Mesh {
 }
 
 /// Hammers of varied proportions, each turned, scaled and moved, with what did that.
-fn scattered(count: usize, varied: f64, keep_up: bool, seed: u64) -> (Vec<Solid>, Vec<Similarity>) {
+fn scattered(count: usize, varied: f64, keep_up: bool, seed: u64) -> (Vec<Solid>, Vec<ShapeSimilarity>) {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     let mut number = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
     (0..count)
@@ -41,18 +41,18 @@ fn scattered(count: usize, varied: f64, keep_up: bool, seed: u64) -> (Vec<Solid>
                 false => uniform_rotation([number(0.0, 1.0), number(0.0, 1.0), number(0.0, 1.0)]),
             };
             let translation = Vector3::from_fn(|_, _| number(-50.0, 50.0));
-            let pose = Similarity { rotation, scale: number(0.2, 5.0), translation };
+            let pose = ShapeSimilarity { rotation, scale: number(0.2, 5.0), translation };
             (Solid::new(&Content::Mesh(mesh.mapped(|p| pose.place(p)).unwrap()), 24).unwrap(), pose)
         })
         .unzip()
 }
 
-fn settings() -> Settings {
-    Settings { resolution: 24, ..Settings::default() }
+fn settings() -> AlignmentSettings {
+    AlignmentSettings { resolution: 24, ..AlignmentSettings::default() }
 }
 
 /// From a shape's own coordinates to where it came to lie.
-fn recovered(found: &Congealed, truth: &[Similarity]) -> Vec<Similarity> {
+fn recovered(found: &Congealed, truth: &[ShapeSimilarity]) -> Vec<ShapeSimilarity> {
     found.after.placements.iter().zip(truth).map(|(placement, pose)| placement.after(pose)).collect()
 }
 
@@ -79,7 +79,7 @@ fn copies_of_one_shape_come_to_lie_in_one_place() {
         assert!(apart < 3.0, "{apart}°");
         assert!((one.scale / middle.scale).ln().abs() < 0.05, "{} {}", one.scale, middle.scale);
         // The hammer's middle; a cell is 1/24.
-        let at = |pose: &Similarity| pose.place(&Point3::new(0.0, 0.0, 5.0));
+        let at = |pose: &ShapeSimilarity| pose.place(&Point3::new(0.0, 0.0, 5.0));
         assert!((at(one) - at(&middle)).norm() < 0.6 / 24.0, "{} {}", at(one), at(&middle));
     }
 }
@@ -87,7 +87,7 @@ fn copies_of_one_shape_come_to_lie_in_one_place() {
 #[test]
 fn with_up_kept_shapes_are_turned_about_the_vertical_only() {
     let (solids, truth) = scattered(8, 1.0, true, 9);
-    let found = congeal(&solids, &Settings { keep_up: true, ..settings() }, |_| {});
+    let found = congeal(&solids, &AlignmentSettings { keep_up: true, ..settings() }, |_| {});
     let recovered = recovered(&found, &truth);
     for (placement, one) in found.after.placements.iter().zip(&recovered) {
         assert!(((placement.rotation * Vector3::z()) - Vector3::z()).norm() < 1e-9);
@@ -147,8 +147,8 @@ fn entropies_are_those_of_closed_forms() {
     // Two large cubes side by side do not overlap: every cell of either is filled half the time, but for the blurred faces. A cube of a 0.3 side
     // has 12³ cells of 1/40.
     let cube = Solid::new(&Content::Mesh(boxes(&[[[-1.0; 3], [1.0; 3]]])), 40).unwrap();
-    let at = |x: f64| Similarity { rotation: Rotation::identity(), scale: 0.15, translation: Vector3::new(x, 0.0, 0.0) };
-    let entropy = |placements: &[Similarity]| {
+    let at = |x: f64| ShapeSimilarity { rotation: Rotation::identity(), scale: 0.15, translation: Vector3::new(x, 0.0, 0.0) };
+    let entropy = |placements: &[ShapeSimilarity]| {
         let mut stack = Stack::new(Level::Fine, 40, placements.len());
         assert!(placements.iter().all(|placement| stack.add(&cube, placement)));
         (stack.entropy(), stack.volume())
@@ -166,7 +166,7 @@ fn entropies_are_those_of_closed_forms() {
 fn a_shape_that_leaves_the_canvas_is_not_counted_as_gone() {
     let cube = Solid::new(&Content::Mesh(boxes(&[[[-1.0; 3], [1.0; 3]]])), 20).unwrap();
     let mut stack = Stack::new(Level::Fine, 20, 2);
-    let far = Similarity { rotation: Rotation::identity(), scale: 0.2, translation: Vector3::new(0.95, 0.0, 0.0) };
+    let far = ShapeSimilarity { rotation: Rotation::identity(), scale: 0.2, translation: Vector3::new(0.95, 0.0, 0.0) };
     assert_eq!(stack.rise(&cube, &far), f64::INFINITY);
     assert!(!stack.add(&cube, &far));
     assert_eq!(stack.entropy(), 0.0);
@@ -178,7 +178,7 @@ fn a_shape_that_leaves_the_canvas_is_not_counted_as_gone() {
 fn shapes_of_unlike_proportions_can_be_compared() {
     let solid = |size: [f64; 3]| Solid::new(&Content::Mesh(boxes(&[[[0.0; 3], size]])), 16).unwrap();
     let solids = [solid([1.0, 1.1, 1.2]), solid([1.0, 0.9, 1.1]), solid([0.1, 0.1, 4.0]), solid([1.3, 1.0, 1.2])];
-    let found = congeal(&solids, &Settings { resolution: 16, ..settings() }, |_| {});
+    let found = congeal(&solids, &AlignmentSettings { resolution: 16, ..settings() }, |_| {});
     assert!(found.descents.iter().flatten().all(|entropy| entropy.is_finite()), "{:?}", found.descents);
     // Nor do the blocks shrink for the rod to grow.
     let scale = |shape: usize| found.after.placements[shape].scale / found.normalised.placements[shape].scale;
@@ -200,8 +200,8 @@ proptest! {
     #[test]
     fn what_is_taken_out_of_a_stack_leaves_no_trace(turn in [0.0..1.0, 0.0..1.0, 0.0..1.0], at in [-0.2..0.2, -0.2..0.2, -0.2..0.2]) {
         let solid = Solid::new(&Content::Mesh(hammer(8.0, 3.5)), 20).unwrap();
-        let base = Similarity { rotation: Rotation::identity(), scale: 0.06, translation: Vector3::new(0.0, 0.0, -0.3) };
-        let other = Similarity { rotation: uniform_rotation(turn), scale: 0.05, translation: Vector3::from(at) };
+        let base = ShapeSimilarity { rotation: Rotation::identity(), scale: 0.06, translation: Vector3::new(0.0, 0.0, -0.3) };
+        let other = ShapeSimilarity { rotation: uniform_rotation(turn), scale: 0.05, translation: Vector3::from(at) };
         let mut stack = Stack::new(Level::Fine, 20, 2);
         prop_assert!(stack.add(&solid, &base));
         let alone = stack.entropy();
@@ -214,8 +214,8 @@ proptest! {
 
     #[test]
     fn similarities_compose_and_go_back(turn in [0.0..1.0, 0.0..1.0, 0.0..1.0], scale in 0.1..10.0, p in [-5.0..5.0, -5.0..5.0, -5.0..5.0]) {
-        let one = Similarity { rotation: uniform_rotation(turn), scale, translation: Vector3::from(p) };
-        let two = Similarity { rotation: uniform_rotation([turn[1], turn[2], turn[0]]), scale: 1.0 / (1.0 + scale), translation: Vector3::x() };
+        let one = ShapeSimilarity { rotation: uniform_rotation(turn), scale, translation: Vector3::from(p) };
+        let two = ShapeSimilarity { rotation: uniform_rotation([turn[1], turn[2], turn[0]]), scale: 1.0 / (1.0 + scale), translation: Vector3::x() };
         let point = Point3::new(p[1], p[2], p[0]);
         prop_assert!((two.after(&one).place(&point) - two.place(&one.place(&point))).norm() < 1e-9);
         prop_assert!((one.place_back(&one.place(&point)) - point).norm() < 1e-9);

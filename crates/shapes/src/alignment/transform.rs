@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 
 /// Takes input coordinates x to output coordinates `scale` · `rotation` · x + `translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Similarity {
+pub struct ShapeSimilarity {
     /// First turned …
     pub rotation: Rotation,
     /// … and scaled …
@@ -14,7 +14,7 @@ pub struct Similarity {
     pub translation: Vector3<f64>,
 }
 
-impl Similarity {
+impl ShapeSimilarity {
     /// A rotation alone.
     pub fn turning(rotation: Rotation) -> Self {
         Self { rotation, scale: 1.0, translation: Vector3::zeros() }
@@ -74,9 +74,9 @@ impl Pose {
     }
 
     /// The similarity for a shape of this centre and unit of scale.
-    pub fn similarity(&self, centre: &Vector3<f64>, unit: f64) -> Similarity {
+    pub fn similarity(&self, centre: &Vector3<f64>, unit: f64) -> ShapeSimilarity {
         let scale = unit * self.log_scale.exp();
-        Similarity { rotation: self.rotation, scale, translation: self.centre - scale * (self.rotation * centre) }
+        ShapeSimilarity { rotation: self.rotation, scale, translation: self.centre - scale * (self.rotation * centre) }
     }
 
     /// Where it lies as seen from `base`.

@@ -202,7 +202,7 @@ fn first_of([enter, leave]: [f64; 2]) -> Option<f64> {
 /// Label and depth of what a ray meets first.
 pub type Hit = Option<(u16, f64)>;
 
-/// What is met first along a direction with z = 1.
+/// The first shape along a direction with z = 1.
 pub fn cast(shapes: &[(u16, Shape)], direction: Vector) -> Hit {
     shapes.iter().filter_map(|(label, shape)| shape.hit(direction).map(|depth| (*label, depth))).min_by(|a, b| a.1.total_cmp(&b.1))
 }
@@ -252,7 +252,7 @@ impl Placed {
 /// Constant, quadratic term and number of deviations of a sensor.
 pub type Sensor = [f64; 3];
 
-/// What is to be known of a voxel whose centre is at the depth `z`, where a reading says `hit`; and by how much it is so, metres.
+/// The code of a voxel whose centre is at the depth `z`, where a reading says `hit`; and by how much it is so, metres.
 pub fn classify(z: f64, hit: Hit, object: u16, sensor: &Sensor, half_depth: f64) -> (u8, f64) {
     let Some((label, depth)) = hit else { return (255, f64::INFINITY) };
     let band = (sensor[2] * (sensor[0] + sensor[1] * depth * depth)).max(half_depth);

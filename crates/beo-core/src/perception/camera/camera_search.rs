@@ -5,7 +5,7 @@
 //! scores all steps of yaw at the size that what is visible suggests.
 
 use super::refinement::Parameters;
-use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, Placement, Refined, SEEN, ViewFrame, ViewWork, measure};
+use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, PlacementPrior, RefinedPlacement, SEEN, ViewFrame, ViewWork, measure};
 use crate::grid::{Dims, Observation, Outside, Rotation, Similarity, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::densities::blend::ClassScores;
@@ -27,11 +27,11 @@ use std::f64::consts::TAU;
 
 /// A class as it lies best.
 #[derive(Clone, Copy, Debug)]
-pub struct Mode {
+pub struct PlacedClass {
     /// Where the search began.
     pub cell: Cell,
     /// Where it ended, in the view's frame.
-    pub refined: Refined,
+    pub refined: RefinedPlacement,
     /// Log evidence there, relative to the background.
     pub log_evidence: f64,
 }
@@ -46,9 +46,9 @@ pub struct CameraScratch {
     likely: Vec<usize>,
     starts: Vec<Cell>,
     codes: Codes,
-    refining: Option<RefineScratch>,
+    refining: Option<ModeRefinerScratch>,
     climbed: Vec<Climbed>,
-    modes: Vec<Mode>,
+    modes: Vec<PlacedClass>,
     measuring: MeasureScratch,
     measures: Vec<f32>,
     /// Logarithms of the classes' shares by the forest; empty where none was asked.
@@ -80,12 +80,12 @@ pub struct ModeRefiner<'a> {
 }
 
 /// Scratch memory of a [`ModeRefiner`].
-pub struct RefineScratch {
+pub struct ModeRefinerScratch {
     all: EvidenceScratch,
     thinned: ThinnedScratch,
 }
 
-impl RefineScratch {
+impl ModeRefinerScratch {
     /// Room for observations of one size.
     pub fn new(dims: Dims) -> Self {
         Self { all: EvidenceScratch::new(dims), thinned: ThinnedScratch::default() }
@@ -102,7 +102,7 @@ pub struct Climbed {
 
 impl ModeRefiner<'_> {
     /// Climbs from where a cell expects yaw, size and place.
-    pub fn climb(&self, cell: &Cell, scratch: &mut RefineScratch) -> Result<Climbed, PerceiveError> {
+    pub fn climb(&self, cell: &Cell, scratch: &mut ModeRefinerScratch) -> Result<Climbed, PerceiveError> {
         let start = start(cell, self.told);
         if start.is_known() {
             return Ok(Climbed { cell: *cell, parameters: start.expected, value: 0.0 });
@@ -112,20 +112,20 @@ impl ModeRefiner<'_> {
     }
 
     /// Ends a climb.
-    pub fn settle(&self, climbed: &Climbed, scratch: &mut RefineScratch) -> Result<Mode, PerceiveError> {
+    pub fn settle(&self, climbed: &Climbed, scratch: &mut ModeRefinerScratch) -> Result<PlacedClass, PerceiveError> {
         let Climbed { cell, parameters, .. } = climbed;
         let start = start(cell, self.told);
         let mut refined = match start.is_known() {
-            true => Refined { parameters: *parameters, deviations: [0.0; 5], value: 0.0 },
+            true => RefinedPlacement { parameters: *parameters, deviations: [0.0; 5], value: 0.0 },
             false => start.settle(parameters, |at| self.log_likelihood(Detail::Fine, cell, at, scratch))?,
         };
         let log_evidence = self.of_all(cell, &refined.parameters, scratch)?;
         refined.value = self.weight * log_evidence + start.log_density(&refined.parameters);
-        Ok(Mode { cell: *cell, refined, log_evidence })
+        Ok(PlacedClass { cell: *cell, refined, log_evidence })
     }
 
     /// Both.
-    pub fn refine(&self, cell: &Cell, scratch: &mut RefineScratch) -> Result<Mode, PerceiveError> {
+    pub fn refine(&self, cell: &Cell, scratch: &mut ModeRefinerScratch) -> Result<PlacedClass, PerceiveError> {
         let climbed = self.climb(cell, scratch)?;
         self.settle(&climbed, scratch)
     }
@@ -134,11 +134,11 @@ impl ModeRefiner<'_> {
         cell.placed(self.frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]))
     }
 
-    fn of_all(&self, cell: &Cell, at: &Parameters, scratch: &mut RefineScratch) -> Result<f64, PerceiveError> {
+    fn of_all(&self, cell: &Cell, at: &Parameters, scratch: &mut ModeRefinerScratch) -> Result<f64, PerceiveError> {
         Ok(self.evidence.of_placed(self.seen, &self.placed(cell, at), self.outside, cell.class, &mut scratch.all)?.log_ratio)
     }
 
-    fn log_likelihood(&self, detail: Detail, cell: &Cell, at: &Parameters, scratch: &mut RefineScratch) -> Result<f64, PerceiveError> {
+    fn log_likelihood(&self, detail: Detail, cell: &Cell, at: &Parameters, scratch: &mut ModeRefinerScratch) -> Result<f64, PerceiveError> {
         let log_evidence = match &self.evidence.thinned {
             Some(thinned) => {
                 let (placed, noise) = (self.placed(cell, at), self.evidence.noise_variance);
@@ -396,7 +396,7 @@ impl CameraSearch<'_> {
         let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told, seen, codes };
         let prior_of = |cell: &Cell, at: &Parameters| cell.log_weight(poses.weight) + (poses.log_prior)(at[0], &cell.resting);
         modes.clear();
-        let scratch = refining.get_or_insert_with(|| RefineScratch::new(evidence.dims()));
+        let scratch = refining.get_or_insert_with(|| ModeRefinerScratch::new(evidence.dims()));
         climbed.clear();
         for cell in &*starts {
             climbed.push(refiner.climb(cell, scratch)?);
@@ -413,8 +413,8 @@ impl CameraSearch<'_> {
     }
 
     /// How an object lies: its similarity to the canonical one, and its box.
-    fn placement(&self, frame: &ViewFrame, mode: &Mode) -> (Similarity, ObjectBox) {
-        let Mode { cell, refined: best, .. } = mode;
+    fn placement(&self, frame: &ViewFrame, mode: &PlacedClass) -> (Similarity, ObjectBox) {
+        let PlacedClass { cell, refined: best, .. } = mode;
         let [angle, log_scale, x, y, z] = best.parameters;
         let found = cell.placed(frame, angle, log_scale.exp(), &Vector3::new(x, y, z));
         let rotation = if self.query.pose == PoseSearch::Known { Rotation::identity() } else { found.rotation };
@@ -435,7 +435,7 @@ impl CameraSearch<'_> {
 }
 
 /// Standard deviations of the place along the frame's axes, along the grid's: lengths in voxels.
-fn position_deviation(frame: &ViewFrame, refined: &Refined, spread: &CameraSpread) -> [f64; 3] {
+fn position_deviation(frame: &ViewFrame, refined: &RefinedPlacement, spread: &CameraSpread) -> [f64; 3] {
     let (sin, cos) = frame.azimuth.sin_cos();
     let [dx, dy, dz] = std::array::from_fn(|axis| spread.place[axis] * refined.deviations[2 + axis] * frame.unit);
     let mixed = |a: f64, b: f64| ((a * dx).powi(2) + (b * dy).powi(2)).sqrt();
@@ -478,9 +478,9 @@ fn steps(told: &KnownPlacement) -> ([f64; YAWS], usize) {
 }
 
 /// Where the search of a cell begins: what is told has no deviation.
-fn start(cell: &Cell, told: &KnownPlacement) -> Placement {
+fn start(cell: &Cell, told: &KnownPlacement) -> PlacementPrior {
     let (place, scale) = (cell.place(), cell.scale());
-    let mut start = Placement {
+    let mut start = PlacementPrior {
         expected: [cell.yaw(), scale.ln(), place.x, place.y, place.z],
         deviations: std::array::from_fn(|axis| cell.deviations[axis]),
     };

@@ -1,4 +1,4 @@
-//! What a view measures of an object, at the grid's full resolution: lengths, widths by height, the near surface, the upper surface, how
+//! Measures of a view, at the grid's full resolution: lengths, widths by height, the near surface, the upper surface, and how
 //! the near surface bends.
 //!
 //! The shadow's densities (`scores`) average over cells of a tenth of the longest side, where a slender box and a slender cylinder look

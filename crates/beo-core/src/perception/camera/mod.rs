@@ -15,6 +15,6 @@ mod scores;
 mod view_frame;
 
 pub(crate) use measures::{MEASURES, MeasureScratch, measure};
-pub(crate) use refinement::{Placement, Refined};
+pub(crate) use refinement::{PlacementPrior, RefinedPlacement};
 pub(crate) use scores::{CameraFeatures, CameraScores, Cell, KnownPlacement, Shadow, ViewWork};
 pub(crate) use view_frame::{CELLS, SEEN, ShadowImage, ViewFrame};

@@ -15,14 +15,14 @@ const LEAST: f64 = 0.3;
 
 /// Where the search begins.
 #[derive(Clone, Copy, Debug)]
-pub struct Placement {
+pub struct PlacementPrior {
     /// Expected values.
     pub expected: Parameters,
     /// Their standard deviations; 0 for what is known.
     pub deviations: Parameters,
 }
 
-impl Placement {
+impl PlacementPrior {
     /// How well parameters agree with what is expected, up to a constant.
     pub fn log_density(&self, at: &Parameters) -> f64 {
         (0..at.len())
@@ -34,7 +34,7 @@ impl Placement {
 
 /// Where it ended.
 #[derive(Clone, Copy, Debug)]
-pub struct Refined {
+pub struct RefinedPlacement {
     /// The best parameters.
     pub parameters: Parameters,
     /// Their standard deviations, by the curvature there.
@@ -43,7 +43,7 @@ pub struct Refined {
     pub value: f64,
 }
 
-impl Placement {
+impl PlacementPrior {
     /// The axes along which something is to be found, and how many they are.
     fn free(&self) -> ([usize; 5], usize) {
         let (mut axes, mut free) = ([0; 5], 0);
@@ -75,7 +75,7 @@ impl Placement {
     }
 
     /// Ends a climb: the top of a parabola along each axis after the other, and the deviations by its curvature.
-    pub fn settle<E>(&self, at: &Parameters, mut log_likelihood: impl FnMut(&Parameters) -> Result<f64, E>) -> Result<Refined, E> {
+    pub fn settle<E>(&self, at: &Parameters, mut log_likelihood: impl FnMut(&Parameters) -> Result<f64, E>) -> Result<RefinedPlacement, E> {
         let mut value_of = |at: &Parameters| -> Result<f64, E> { Ok(log_likelihood(at)? + self.log_density(at)) };
         let (mut best, mut value) = (*at, value_of(at)?);
         let (axes, free) = self.free();
@@ -102,7 +102,7 @@ impl Placement {
                 }
             }
         }
-        Ok(Refined { parameters: best, deviations, value })
+        Ok(RefinedPlacement { parameters: best, deviations, value })
     }
 }
 
@@ -114,7 +114,7 @@ mod tests {
     /// A Gaussian likelihood times the Gaussian expectation is a Gaussian: its mean and deviations are known.
     #[test]
     fn a_gaussian_is_climbed_to_its_top() {
-        let start = Placement { expected: [0.1, 0.0, 1.0, -1.0, 0.0], deviations: [0.1, 0.1, 1.0, 1.0, 0.0] };
+        let start = PlacementPrior { expected: [0.1, 0.0, 1.0, -1.0, 0.0], deviations: [0.1, 0.1, 1.0, 1.0, 0.0] };
         let (truth, sharp): ([f64; 5], [f64; 5]) = ([0.2, -0.1, 1.8, -1.0, 9.0], [0.1, 0.1, 0.5, 1.0, 1.0]);
         let likelihood =
             |at: &Parameters| -> Result<f64, Infallible> { Ok((0..5).map(|i| -0.5 * ((at[i] - truth[i]) / sharp[i]).powi(2)).sum()) };
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn an_error_of_the_likelihood_is_passed_on() {
-        let start = Placement { expected: [0.0; 5], deviations: [1.0; 5] };
+        let start = PlacementPrior { expected: [0.0; 5], deviations: [1.0; 5] };
         let likelihood = |at: &Parameters| if at[2] > 0.1 { Err("no") } else { Ok(0.0) };
         assert_eq!(start.climb(likelihood).unwrap_err(), "no");
         assert_eq!(start.settle(&[0.0; 5], likelihood).unwrap_err(), "no");

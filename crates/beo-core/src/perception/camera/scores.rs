@@ -169,7 +169,7 @@ impl CameraScores {
         none
     }
 
-    /// What the classes are mixtures of.
+    /// The components of which the classes are mixtures.
     pub fn components(&self) -> &[Component] {
         &self.densities.components
     }

@@ -10,7 +10,7 @@ use crate::perception::kernels::lanes::{dispatch, dot};
 use crate::perception::known_pose::ClassPosteriors;
 use crate::perception::pool::Pool;
 use crate::perception::prepared::Prepared;
-use crate::perception::query::Frame;
+use crate::perception::query::CompletionFrame;
 use crate::perception::{Method, PerceiveError, Percept, PoseSearch, Query};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -52,10 +52,10 @@ pub(in crate::perception) struct Completion<'a> {
 
 impl Completion<'_> {
     /// Writes probability and deviation of every voxel.
-    pub fn write<V: Value>(mut self, percept: &mut Percept, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
+    pub fn write<V: OutputValue>(mut self, percept: &mut Percept, occupancy: &mut [V], deviation: &mut [V]) -> Result<(), PerceiveError> {
         assert_eq!([occupancy.len(), deviation.len()], [self.prepared.model.dims().voxels(); 2], "one value per voxel");
         let moved = self.query.pose != PoseSearch::Known || percept.placed != Similarity::default();
-        if !moved || self.query.frame == Frame::Object {
+        if !moved || self.query.frame == CompletionFrame::Object {
             return self.write_in_object_frame(percept, occupancy, deviation);
         }
         let [mut p, mut sd] = std::mem::take(V::scratch(&mut self.scratch.moved));
@@ -68,7 +68,7 @@ impl Completion<'_> {
     }
 
     /// In the frame in which the observation was completed: as it came, or the object's where that was found.
-    fn write_in_object_frame<V: Value>(
+    fn write_in_object_frame<V: OutputValue>(
         &mut self,
         percept: &mut Percept,
         occupancy: &mut [V],
@@ -93,7 +93,7 @@ impl Completion<'_> {
         Ok(())
     }
 
-    fn write_by_evidence<V: Value>(
+    fn write_by_evidence<V: OutputValue>(
         &mut self,
         percept: &mut Percept,
         occupancy: &mut [V],
@@ -161,25 +161,25 @@ pub struct TurnScratch {
 }
 
 /// How a completion is written.
-pub trait Value: voxels::Value {
+pub trait OutputValue: voxels::Value {
     /// Memory for two grids of it.
     fn scratch(moved: &mut TurnScratch) -> &mut [Vec<Self>; 2];
 }
 
-impl Value for f32 {
+impl OutputValue for f32 {
     fn scratch(moved: &mut TurnScratch) -> &mut [Vec<Self>; 2] {
         &mut moved.floats
     }
 }
 
-impl Value for u8 {
+impl OutputValue for u8 {
     fn scratch(moved: &mut TurnScratch) -> &mut [Vec<Self>; 2] {
         &mut moved.bytes
     }
 }
 
 /// Writes what was observed of the voxels from `first` on, and that it is certain.
-fn write_known<V: Value>(known: &Known, first: usize, occupancy: &mut [V], deviation: &mut [V]) {
+fn write_known<V: OutputValue>(known: &Known, first: usize, occupancy: &mut [V], deviation: &mut [V]) {
     occupancy.fill(V::default());
     deviation.fill(V::default());
     let within = known.filled.partition_point(|v| *v < first)..known.filled.partition_point(|v| *v < first + occupancy.len());
@@ -187,7 +187,7 @@ fn write_known<V: Value>(known: &Known, first: usize, occupancy: &mut [V], devia
 }
 
 /// Turns a completion from the object's frame into the observation's grid. What was observed there stays as observed.
-fn turn_into_grid<V: Value>(seen: &Observation, turn: &Turn, [p, sd]: [&[V]; 2], occupancy: &mut [V], deviation: &mut [V]) {
+fn turn_into_grid<V: OutputValue>(seen: &Observation, turn: &Turn, [p, sd]: [&[V]; 2], occupancy: &mut [V], deviation: &mut [V]) {
     turn.values(p, V::default(), occupancy);
     turn.values(sd, V::default(), deviation);
     let (known, filled, least) = (seen.known(), seen.filled(), V::from_unit(UNSEEN_DEVIATION));
@@ -201,7 +201,7 @@ fn turn_into_grid<V: Value>(seen: &Observation, turn: &Turn, [p, sd]: [&[V]; 2],
 }
 
 /// Completion without a model of uncertainty: the value clamped to \[0, 1\], and the deviation of a coin with that bias.
-fn complete_plainly<V: Value>(known: &Known, occupancy: &mut [V], deviation: &mut [V], mut value: impl FnMut(usize) -> f32) {
+fn complete_plainly<V: OutputValue>(known: &Known, occupancy: &mut [V], deviation: &mut [V], mut value: impl FnMut(usize) -> f32) {
     write_known(known, 0, occupancy, deviation);
     for voxel in known.unknown.iter().flat_map(|(start, end)| *start..*end) {
         let p = value(voxel).clamp(0.0, 1.0);

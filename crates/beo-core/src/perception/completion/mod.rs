@@ -8,4 +8,4 @@
 pub(crate) mod completing;
 pub mod voxels;
 
-pub use completing::{LEAST_SHARE, MOST_PARTS, Value};
+pub use completing::{LEAST_SHARE, MOST_PARTS, OutputValue};

@@ -16,7 +16,7 @@ use std::cmp::Ordering;
 /// Sums at once, to hide the latency of an addition.
 const SUMS: usize = 4;
 
-/// What is not of the class is spread also where the class is not: by this share of its own spread.
+/// Added to the diagonal of the correlations: vectors of other classes vary also where this class hardly does, by this share of its variance.
 const LEAST_SPREAD: f64 = 0.1;
 
 /// A whitening transform of vectors of `rank` values.

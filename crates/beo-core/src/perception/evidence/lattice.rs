@@ -16,7 +16,7 @@ pub struct Lattice {
     centres: [Vec<f32>; 3],
 }
 
-/// What is seen of the voxels of a lattice: their places in it, ascending.
+/// An observation sampled at the voxels of a lattice: the places of the known, unknown and filled ones, ascending.
 #[derive(Default)]
 pub struct Sampled {
     known: Places,
@@ -67,7 +67,7 @@ impl Sampled {
     }
 }
 
-/// What is known of every voxel of a grid, a byte each, and of the space beyond.
+/// The codes of all voxels of a grid, a byte each, and the code of the space beyond.
 #[derive(Default)]
 pub struct Codes(Vec<u8>);
 
@@ -228,7 +228,7 @@ mod tests {
         assert!(nearest_squared(27, coefficients(27)) >= 9);
     }
 
-    /// What the lattice samples is what moving all voxels gives there.
+    /// A sample at the lattice equals the observation that was moved as a whole.
     #[test]
     fn the_lattice_samples_the_moved_observation() {
         let seen: Observation = View::Top.of(&unseen("chair", 3));

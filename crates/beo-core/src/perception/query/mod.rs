@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 
 /// In which frame a completion is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Frame {
+pub enum CompletionFrame {
     /// The observation's grid, so that it can be laid over what was seen.
     #[default]
     Grid,
@@ -63,7 +63,7 @@ pub struct Query {
     /// Whether the hidden part is asked for.
     pub completion: bool,
     /// The frame of the completion.
-    pub frame: Frame,
+    pub frame: CompletionFrame,
     /// How the paper's method projects.
     pub projection: Projection,
     /// How the paper's method finds the pose.

@@ -27,7 +27,7 @@ pub enum Load {
     Camera,
 }
 
-/// What the camera of [`Load::Camera`] sees, and how often.
+/// Objects before the camera of [`Load::Camera`], and its frame rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraRate {
     /// Objects on the table, 1 to [`super::MOST_ON_TABLE`].

@@ -83,7 +83,7 @@ pub struct Settings {
     pub model: PathBuf,
     /// The prior knowledge of the pose that observations carry.
     pub pose: Pose,
-    /// What the load `camera` sees, and how often.
+    /// Objects and frame rate of the load `camera`.
     pub camera: CameraRate,
     /// How daemon and readers wake up.
     pub wake: Wake,
