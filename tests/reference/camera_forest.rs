@@ -130,8 +130,41 @@ fn measures(frame: &Frame, seen: &Observation, voxel_size_m: Option<f64>) -> Vec
         let is_there = |share: &&[f64; 3]| bin(share[2], 3) == third && (0.2..0.9).contains(&share[0]) && (0.2..0.8).contains(&share[1]);
         out.push(empty.iter().filter(is_there).count() as f64 / (sides.x * sides.y * sides.z));
     }
+    for from in [0.0, 0.8] {
+        let mut columns: Vec<[f64; 2]> = inside.iter().filter(|(_, share)| share[2] >= from).map(|(at, _)| [at.x, at.y]).collect();
+        columns.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        let is_same = |a: &[f64; 2], b: &[f64; 2]| (0..2).all(|axis| (a[axis] - b[axis]).abs() < 1e-6);
+        let mut apart: Vec<[f64; 2]> = Vec::new();
+        columns.iter().for_each(|column| {
+            if !apart.iter().any(|other| is_same(column, other)) {
+                apart.push(*column);
+            }
+        });
+        out.extend(outline(&apart));
+    }
+    out.push(least(inside.iter().map(|(_, share)| share[2])).unwrap_or(1.0));
     assert_eq!(out.len(), CAMERA_MEASURES);
     out
+}
+
+/// Of columns of voxels from above: widths in eight directions over half a turn relative to the largest, without one of two hundred at either end,
+/// the least of them, and the area relative to the square of the largest.
+fn outline(columns: &[[f64; 2]]) -> [f64; 10] {
+    if columns.len() < 8 {
+        return [ABSENT; 10];
+    }
+    let width = |n: usize| {
+        let angle = std::f64::consts::PI * n as f64 / 8.0;
+        let mut along: Vec<f64> = columns.iter().map(|[x, y]| x * angle.cos() + y * angle.sin()).collect();
+        along.sort_by(f64::total_cmp);
+        let left_out = columns.len() / 200;
+        along[columns.len() - 1 - left_out] - along[left_out] + 1.0
+    };
+    let widths: Vec<f64> = (0..8).map(width).collect();
+    let largest = most(widths.iter().copied()).unwrap();
+    let last = [least(widths.iter().copied()).unwrap() / largest, columns.len() as f64 / largest.powi(2)];
+    let all: Vec<f64> = widths.iter().map(|width| width / largest).chain(last).collect();
+    all.try_into().unwrap()
 }
 
 /// How a profile bends over its width, from −1 to 1: slope and curvature of a parabola, what a line, a parabola, the best corner and half an

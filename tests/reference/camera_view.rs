@@ -2,7 +2,7 @@
 //!
 //! Every point is compared with every filled voxel; there is no image in between.
 
-use beo_core::grid::{FILLED, Observation, Similarity};
+use beo_core::grid::{EMPTY, FILLED, Observation, Similarity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Units along each axis that are looked at; the box about what is seen takes `LONGEST` of them along its longest side.
@@ -43,6 +43,30 @@ fn from_the_centre(seen: &Observation, code: u8) -> Vec<Vector3<f64>> {
     voxels.map(|v| Vector3::from(dims.coordinates(v).map(|c| c as f64)) - middle).collect()
 }
 
+/// Height at which what is seen from `low` up stands on a table, voxels from the grid's centre: above the first layer down of which more than half
+/// is known to be empty below the object, if 0.97 of it or of one of the three next ones is so as far as the grid goes; else where it ends itself.
+fn foot(seen: &Observation, azimuth: f64, low: &Vector3<f64>, high: &Vector3<f64>) -> f64 {
+    let half = (seen.dims().z() as f64 - 1.0) / 2.0;
+    let shares = |z: f64| {
+        let in_layer = |code: Option<u8>| -> Vec<Vector3<f64>> {
+            let codes = code.map_or(vec![EMPTY, FILLED, beo_core::grid::UNKNOWN], |code| vec![code]);
+            codes.iter().flat_map(|code| from_the_centre(seen, *code)).filter(|at| (at.z - z).abs() < 0.25).collect()
+        };
+        let below = |at: &&Vector3<f64>| {
+            let at = about_z(-azimuth) * **at;
+            (0..2).all(|axis| low[axis] <= at[axis] && at[axis] <= high[axis])
+        };
+        let (empty, all) = (in_layer(Some(EMPTY)), in_layer(None));
+        let of_object = all.iter().filter(below).count().max(1) as f64;
+        (empty.len() as f64 / all.len().max(1) as f64, empty.iter().filter(below).count() as f64 / of_object)
+    };
+    let lowest = (low.z + 0.5 + half).round() - half;
+    let layers = std::iter::successors(Some(lowest - 1.0), |z| Some(z - 1.0)).take_while(|z| *z >= -half - 0.25);
+    let Some(first) = layers.clone().find(|z| shares(*z).1 > 0.5) else { return low.z };
+    let is_table = layers.filter(|z| *z <= first && *z >= first - 3.25).any(|z| shares(z).0 > 0.97);
+    if is_table { first + 0.5 } else { low.z }
+}
+
 /// The matrix of a rotation about z.
 pub fn about_z(angle: f64) -> Matrix3<f64> {
     let (sin, cos) = angle.sin_cos();
@@ -62,8 +86,9 @@ impl Frame {
             values.sort_by(f64::total_cmp);
             values[place]
         };
-        let low = Vector3::from_fn(|axis, _| end(axis, left_out) - 0.5);
+        let mut low = Vector3::from_fn(|axis, _| end(axis, left_out) - 0.5);
         let high = Vector3::from_fn(|axis, _| end(axis, filled.len() - 1 - left_out) + 0.5);
+        low.z = foot(seen, azimuth, &low, &high);
         let sides = high - low;
         let unit = sides.max() / LONGEST;
         let origin = about_z(azimuth) * (low + high) / 2.0;
