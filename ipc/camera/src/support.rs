@@ -1,7 +1,8 @@
 //! The plane that objects stand on, found in the frame itself, and what is up.
 //!
 //! RANSAC (Fischler and Bolles, 1981) over triples from a fixed low-discrepancy sequence, so that the same frame gives the same plane,
-//! then least squares over what lies near it.
+//! then least squares over what lies near it, weighted by how exact each reading is: what is far away, where readings scatter by
+//! centimetres, does not tilt it.
 
 use crate::{Frame, Segments, SensorModel};
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, Vector3};
@@ -60,8 +61,10 @@ const TRIPLES: u32 = 600;
 /// Share of the points that must lie near the plane, and their least number.
 const LEAST_SHARE: f64 = 0.15;
 const LEAST_POINTS: usize = 60;
-/// A reading this near is the plane's, metres; or three standard deviations.
+/// A reading this near is the plane's, metres; or three standard deviations, …
 const NEAR: f64 = 0.004;
+/// … but never one farther from it, metres, however noisy the sensor.
+const FARTHEST: f64 = 0.03;
 
 /// The plane with the most readings of the frame; `None` where there is none that objects could stand on.
 pub fn fit_support(frame: &Frame<'_>, search: &PlaneSearch) -> Option<Plane> {
@@ -100,6 +103,8 @@ struct Readings {
     y: Vec<f64>,
     z: Vec<f64>,
     reach: Vec<f64>,
+    /// 1 / σ².
+    weight: Vec<f64>,
 }
 
 impl Readings {
@@ -109,12 +114,13 @@ impl Readings {
     fn new(frame: &Frame<'_>, pixels: &[u32], sensor: &SensorModel) -> Self {
         let stride = pixels.len().div_ceil(MOST_POINTS).max(1);
         let empty = || Vec::with_capacity(MOST_POINTS);
-        let mut readings = Self { x: empty(), y: empty(), z: empty(), reach: empty() };
+        let mut readings = Self { x: empty(), y: empty(), z: empty(), reach: empty(), weight: empty() };
         for point in pixels.iter().step_by(stride).filter_map(|pixel| frame.point(*pixel as usize)) {
             readings.x.push(point.x);
             readings.y.push(point.y);
             readings.z.push(point.z);
-            readings.reach.push(NEAR.max(3.0 * sensor.deviation(point.z)));
+            readings.reach.push((3.0 * sensor.deviation(point.z)).clamp(NEAR, FARTHEST));
+            readings.weight.push(sensor.deviation(point.z).max(NEAR / 3.0).powi(-2));
         }
         readings
     }
@@ -147,9 +153,10 @@ impl Readings {
         plane.height(&Point3::new(self.x[i], self.y[i], self.z[i])).abs() < self.reach[i]
     }
 
-    fn near(&self, plane: &Plane) -> Vec<Point3<f64>> {
+    /// Those near the plane, with their weights.
+    fn near(&self, plane: &Plane) -> Vec<(Point3<f64>, f64)> {
         let near = (0..self.count()).filter(|i| self.is_near(plane, *i));
-        near.map(|i| Point3::new(self.x[i], self.y[i], self.z[i])).collect()
+        near.map(|i| (Point3::new(self.x[i], self.y[i], self.z[i]), self.weight[i])).collect()
     }
 }
 
@@ -175,15 +182,16 @@ fn towards_camera(normal: Unit<Vector3<f64>>, point: &Point3<f64>) -> Plane {
     if plane.height(&Point3::origin()) < 0.0 { Plane::new(-normal, point) } else { plane }
 }
 
-/// The plane with the least squared distances.
-fn least_squares(points: &[Point3<f64>]) -> Option<Plane> {
+/// The plane with the least weighted squared distances.
+fn least_squares(points: &[(Point3<f64>, f64)]) -> Option<Plane> {
     if points.len() < 3 {
         return None;
     }
-    let mean = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / points.len() as f64;
-    let scatter = points.iter().fold(Matrix3::zeros(), |sum, p| {
+    let weight: f64 = points.iter().map(|(_, weight)| weight).sum();
+    let mean = points.iter().fold(Vector3::zeros(), |sum, (p, weight)| sum + p.coords * *weight) / weight;
+    let scatter = points.iter().fold(Matrix3::zeros(), |sum, (p, weight)| {
         let d = p.coords - mean;
-        sum + d * d.transpose()
+        sum + d * d.transpose() * *weight
     });
     // Points beyond all measure have no scatter; without a limit, the iteration would not end on what is not a number.
     let eigen = SymmetricEigen::try_new(scatter, f64::EPSILON, 100)?;
@@ -234,12 +242,33 @@ mod tests {
         assert_eq!(fit_support(&frame, &search), None);
     }
 
+    /// A table that ends at 1.2 m and, where it would go on, a floor-like background that rises from it by up to 40 cm at 9 m: most of the readings.
+    #[test]
+    fn what_is_far_away_does_not_tilt_the_table() {
+        let camera = Intrinsics::new(160, 120, [131.0, 131.0], [79.5, 59.5], [0.0; 5]).unwrap();
+        let (sin, cos) = 22_f64.to_radians().sin_cos();
+        let up = Unit::new_normalize(Vector3::new(0.0, -cos, -sin));
+        let table = Plane::new(up, &Point3::from(-up.into_inner() * 0.4));
+        let depth: Vec<f32> = (0..160 * 120_u32)
+            .map(|pixel| {
+                let ray = camera.ray([f64::from(pixel % 160), f64::from(pixel / 160)]);
+                let to = |height: f64| -(table.height(&Point3::origin()) - height) / up.dot(&ray);
+                let z = to(0.0);
+                let far = to(0.045 * (z - 1.2)).clamp(0.0, 9.0);
+                if (0.0..1.2).contains(&z) { z as f32 } else { far as f32 }
+            })
+            .collect();
+        let frame = Frame::new(&camera, &depth, &[0; 160 * 120]).unwrap();
+        let found = fit_support(&frame, &PlaneSearch { label: None, up: None, sensor: SensorModel::default() }).unwrap();
+        assert!(found.normal().angle(&up) < 0.5_f64.to_radians(), "{}", found.normal().angle(&up).to_degrees());
+    }
+
     #[test]
     fn a_plane_that_cannot_win_is_given_up_and_no_other() {
         // 1700 points of which every third lies on the plane z = 1, those at the end more often than those at the start.
         let on = |i: usize| i.is_multiple_of(3) || i > 1200;
         let z: Vec<f64> = (0..1700).map(|i| if on(i) { 1.0 } else { 1.5 }).collect();
-        let readings = Readings { x: vec![0.1; 1700], y: vec![0.2; 1700], z, reach: vec![0.01; 1700] };
+        let readings = Readings { x: vec![0.1; 1700], y: vec![0.2; 1700], z, reach: vec![0.01; 1700], weight: vec![1.0; 1700] };
         let plane = Plane::new(-Vector3::z_axis(), &Point3::new(0.0, 0.0, 1.0));
         let count = (0..1700).filter(|i| on(*i)).count();
         assert_eq!(readings.near(&plane).len(), count);
