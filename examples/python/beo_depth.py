@@ -131,7 +131,7 @@ def segment_table(depth, camera, sensor=Sensor(), up=None):
 
 
 def fit_support(depth, labels, camera, sensor=Sensor(), up=None, label=0):
-    """The plane with the most readings among the pixels with this label, or None: RANSAC, then least squares.
+    """The plane with the most readings among the pixels with this label, or None: RANSAC, then weighted least squares.
 
     `up`: what is up in the camera frame, if known: the normal is within 15° of it. Else the camera is upright and looks down on the plane.
     """
@@ -139,7 +139,8 @@ def fit_support(depth, labels, camera, sensor=Sensor(), up=None, label=0):
     if pixels.size < 60:
         return None
     points = _points(depth, camera, pixels[:: -(-pixels.size // 2000)])
-    near = np.maximum(0.004, 3 * sensor.deviation(points[:, 2]))
+    near = np.clip(3 * sensor.deviation(points[:, 2]), 0.004, 0.03)
+    weights = np.maximum(sensor.deviation(points[:, 2]), 0.004 / 3) ** -2.0  # what is far away is less exact
 
     def allowed(normals):
         if up is not None:
@@ -156,11 +157,12 @@ def fit_support(depth, labels, camera, sensor=Sensor(), up=None, label=0):
     best = np.argmax(np.where(allowed(normals) & (lengths > 1e-6), inliers, -1))
     plane = Plane(normals[best], offsets[best])
     for _ in range(4):
-        inside = points[np.abs(plane.height(points)) < near]
+        is_near = np.abs(plane.height(points)) < near
+        inside, weight = points[is_near], weights[is_near]
         if len(inside) < 60:
             return None
-        middle = inside.mean(axis=0)
-        normal = np.linalg.eigh((inside - middle).T @ (inside - middle))[1][:, 0]
+        middle = np.average(inside, axis=0, weights=weight)
+        normal = np.linalg.eigh(((inside - middle) * weight[:, None]).T @ (inside - middle))[1][:, 0]
         normal = -normal if normal @ middle > 0 else normal
         plane = Plane(normal, -normal @ middle)
     share = np.mean(np.abs(plane.height(points)) < near)

@@ -51,6 +51,11 @@ fn all_languages_send_the_same_grids_of_the_same_frames() {
     all_send_the_same("mask");
 }
 
+#[test]
+fn all_languages_send_the_same_grids_of_what_stands_on_the_table() {
+    all_send_the_same("table");
+}
+
 fn all_send_the_same(segmentation: &str) {
     let mut all = Examples::all().into_iter().map(|examples| (examples.language, observed(&examples, segmentation)));
     let (_, rust) = all.next().unwrap();

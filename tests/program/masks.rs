@@ -26,6 +26,9 @@ const FAULTS: [(&str, MaskFaults); 8] = [
     ("with a speck", MaskFaults { speck_px: 8, ..MaskFaults::NONE }),
 ];
 
+/// What the mug and the carton are made as: class and seed.
+const OBJECTS: [(&str, u64); 2] = [("mug", 3), ("box", 7)];
+
 /// A camera of VGA size, of which only the first columns are kept.
 fn camera(columns: u32) -> SyntheticCamera {
     SyntheticCamera::new(Intrinsics::new(columns, 480, [525.0; 2], [319.5, 239.5], [0.0; 5]).unwrap())
@@ -33,7 +36,7 @@ fn camera(columns: u32) -> SyntheticCamera {
 
 /// What a camera sees of a mug and a carton on a table, and from where.
 fn seen(camera: &SyntheticCamera) -> (DepthImage, Isometry3<f64>) {
-    let [mug, carton] = [("mug", 3), ("box", 7)].map(|(class, seed)| household::mesh(class, seed).unwrap());
+    let [mug, carton] = OBJECTS.map(|(class, seed)| household::mesh(class, seed).unwrap());
     let mut scene = Scene::new();
     scene.add_table([1.4, 1.0], Isometry3::identity(), TABLE);
     scene.add(&mug, Isometry3::new(Vector3::new(0.02, -0.14, 0.0), Vector3::z() * 0.9), MUG);
@@ -69,11 +72,19 @@ fn perceived(folder: &Path, count: usize) -> Vec<Percept> {
     percepts(&subscriber, count)
 }
 
-/// The most probable class and the longest side.
-fn found(percept: &Percept) -> (u32, f32) {
-    (percept.class_index, percept.object_extent_m.into_iter().fold(0.0, f32::max))
+/// The most probable class, and the longest side with its standard deviation.
+fn found(percept: &Percept) -> (u32, f32, f32) {
+    let sides = percept.object_extent_m.into_iter().zip(percept.object_extent_deviation_m);
+    let (longest, deviation) = sides.max_by(|a, b| a.0.total_cmp(&b.0)).expect("three sides");
+    (percept.class_index, longest, deviation)
 }
 
+/// Whether a mask leaves out some of the object's own readings, so that its outline can no longer be known.
+fn takes_away(faults: &MaskFaults) -> bool {
+    !faults.is_box && faults.shift_px.iter().any(|shift| shift.unsigned_abs() > faults.growth_px.max(0) as u32)
+}
+
+/// Masks that hold more than the object: the longest side is within 5 % of the true one. Where they hold less, within two standard deviations.
 #[test]
 fn masks_that_are_off_change_neither_class_nor_size() {
     let folder = tempfile::tempdir().unwrap();
@@ -83,13 +94,14 @@ fn masks_that_are_off_change_neither_class_nor_size() {
         let pair = &answers[2 * frame..2 * frame + 2];
         found(pair.iter().find(|percept| percept.object_id == u64::from(object)).expect("both objects of a frame"))
     };
-    for (object, class) in [(MUG, 5), (CARTON, 2)] {
-        let (named, longest) = of(0, object);
-        assert_eq!(named, class, "object {object}, masked as it should be");
-        for (frame, (fault, _)) in FAULTS.iter().enumerate() {
-            let (named, side) = of(frame, object);
+    for ((object, class), made) in [(MUG, 5), (CARTON, 2)].into_iter().zip(OBJECTS) {
+        let [low, high] = household::mesh(made.0, made.1).unwrap().bounds();
+        let longest = (high - low).max() as f32;
+        for (frame, (fault, faults)) in FAULTS.iter().enumerate() {
+            let (named, side, deviation) = of(frame, object);
             assert_eq!(named, class, "object {object}, mask {fault}");
-            assert!((side / longest - 1.0).abs() < 0.05, "object {object}, mask {fault}: {side} m for {longest}");
+            let most = if takes_away(faults) { 2.0 * deviation } else { 0.05 * longest };
+            assert!((side - longest).abs() < most, "object {object}, mask {fault}: {side} ± {deviation} m for {longest}");
         }
     }
 }
