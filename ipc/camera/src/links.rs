@@ -69,28 +69,33 @@ impl Links {
     /// The pieces of those of the `pixels` whose `state` is `wanted`: neighbours hang together where they lie on one surface. Their state
     /// becomes `done`. The largest piece comes first.
     pub fn pieces(&self, pixels: &[u32], state: &mut [u8], wanted: u8, done: u8) -> Vec<Piece> {
-        let mut found = Vec::new();
-        for start in pixels {
-            if state[*start as usize] != wanted {
-                continue;
-            }
-            state[*start as usize] = done;
-            let mut piece = vec![*start];
-            let mut next = 0;
-            while let Some(pixel) = piece.get(next).copied() {
-                next += 1;
-                for other in self.of(pixel as usize) {
-                    if state[other] == wanted {
-                        state[other] = done;
-                        piece.push(other as u32);
-                    }
+        pieces(pixels, state, wanted, done, |pixel| self.of(pixel))
+    }
+}
+
+/// The pieces of those of the `pixels` whose `state` is `wanted`, where each hangs together with those `beside` it; see [`Links::pieces`].
+fn pieces<I: Iterator<Item = usize>>(pixels: &[u32], state: &mut [u8], wanted: u8, done: u8, beside: impl Fn(usize) -> I) -> Vec<Piece> {
+    let mut found = Vec::new();
+    for start in pixels {
+        if state[*start as usize] != wanted {
+            continue;
+        }
+        state[*start as usize] = done;
+        let mut piece = vec![*start];
+        let mut next = 0;
+        while let Some(pixel) = piece.get(next).copied() {
+            next += 1;
+            for other in beside(pixel as usize) {
+                if state[other] == wanted {
+                    state[other] = done;
+                    piece.push(other as u32);
                 }
             }
-            found.push(Piece { pixels: piece });
         }
-        found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
-        found
+        found.push(Piece { pixels: piece });
     }
+    found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
+    found
 }
 
 /// Whether readings of two rows lie on one surface, pair by pair; where one row ends, they do not.
@@ -113,34 +118,6 @@ mod tests {
     use crate::joining::neighbours;
     use crate::rays::Rays;
     use crate::{Intrinsics, SensorModel};
-
-    /// The pieces of the pixels whose `state` is `wanted`: neighbours (of eight) hang together where their readings do. Their state becomes
-    /// `done`. The largest piece comes first.
-    fn pieces(rays: &Rays, depth: &[f32], joint: &Joint, pixels: &[u32], state: &mut [u8], wanted: u8, done: u8) -> Vec<Piece> {
-        let (width, height) = (rays.width(), rays.height());
-        let mut found = Vec::new();
-        for start in pixels {
-            if state[*start as usize] != wanted {
-                continue;
-            }
-            state[*start as usize] = done;
-            let mut piece = vec![*start];
-            let mut next = 0;
-            while let Some(pixel) = piece.get(next).copied() {
-                next += 1;
-                let z = depth[pixel as usize];
-                for other in neighbours(EIGHT, pixel as usize, width, height) {
-                    if state[other] == wanted && joint.joins(z, depth[other]) {
-                        state[other] = done;
-                        piece.push(other as u32);
-                    }
-                }
-            }
-            found.push(Piece { pixels: piece });
-        }
-        found.sort_by_key(|piece| (usize::MAX - piece.pixels.len(), piece.pixels[0]));
-        found
-    }
 
     #[test]
     fn links_lead_to_the_neighbours_on_the_same_surface_and_make_the_same_pieces() {
@@ -167,7 +144,9 @@ mod tests {
         let mut states = [vec![0_u8; depth.len()], vec![0_u8; depth.len()]];
         states.iter_mut().for_each(|state| looked_at.iter().for_each(|pixel| state[*pixel as usize] = 1));
         let [a, b] = &mut states;
-        let (slow, quick) = (pieces(&rays, &depth, &joint, &looked_at, a, 1, 2), links.pieces(&looked_at, b, 1, 2));
+        let (z, joint) = (&depth, &joint);
+        let joined = |pixel: usize| neighbours(EIGHT, pixel, width, height).filter(move |other| joint.joins(z[pixel], z[*other]));
+        let (slow, quick) = (pieces(&looked_at, a, 1, 2, joined), links.pieces(&looked_at, b, 1, 2));
         assert!(slow.len() > 3 && slow.iter().map(|piece| &piece.pixels).eq(quick.iter().map(|piece| &piece.pixels)));
         assert_eq!(a, b);
     }
