@@ -119,8 +119,9 @@ impl Readings {
             readings.x.push(point.x);
             readings.y.push(point.y);
             readings.z.push(point.z);
-            readings.reach.push((3.0 * sensor.deviation(point.z)).clamp(NEAR, FARTHEST));
-            readings.weight.push(sensor.deviation(point.z).max(NEAR / 3.0).powi(-2));
+            let deviation = sensor.deviation(point.z).max(NEAR / 3.0);
+            readings.reach.push((3.0 * deviation).clamp(NEAR, FARTHEST));
+            readings.weight.push(deviation.powi(-2));
         }
         readings
     }

@@ -4,7 +4,7 @@
 //! voxels, and the box's longest side is [`SEEN`] units of the [`SPAN`] that are looked at. It depends on neither the object's pose nor
 //! its size nor on where the grid lies, so that densities learned in it hold for all of them.
 
-use crate::grid::{Observation, Rotation, Similarity, yaw};
+use crate::grid::{EMPTY, Observation, Rotation, Similarity, yaw};
 use crate::model::CAMERA_CELLS;
 use nalgebra::{Matrix3, Vector3};
 
@@ -227,23 +227,18 @@ fn bottom(observation: &Observation, turn: &Matrix3<f64>, low: &Vector3<f64>, hi
         (low.x..=high.x).contains(&at.x) && (low.y..=high.y).contains(&at.y)
     };
     let lowest = (low.z + 0.5 + middle.z).round().clamp(0.0, dims.z() as f64 - 1.0) as usize;
-    // Shares of a layer that are known to be empty: of all of it, and of what is below the object.
-    let empty = |k: usize| {
-        let (mut all, mut below) = ([0_u32; 2], [0_u32; 2]);
-        for (i, j) in (0..dims.x()).flat_map(|i| (0..dims.y()).map(move |j| (i, j))) {
-            let voxel = dims.index(i, j, k);
-            let is_empty = observation.known().contains(voxel) && !observation.filled().contains(voxel);
-            let count = |[empty, of]: &mut [u32; 2]| (*empty, *of) = (*empty + u32::from(is_empty), *of + 1);
-            count(&mut all);
-            if is_below(i, j) {
-                count(&mut below);
-            }
-        }
-        [all, below].map(|[empty, of]| f64::from(empty) / f64::from(of.max(1)))
+    // Of a layer's columns that count, the share that is known to be empty.
+    let empty_share = |k: usize, counts: &dyn Fn(usize, usize) -> bool| {
+        let columns = (0..dims.x()).flat_map(|i| (0..dims.y()).map(move |j| (i, j))).filter(|(i, j)| counts(*i, *j));
+        let (empty, all) = columns.fold((0_u32, 0_u32), |(empty, all), (i, j)| {
+            let is_empty = observation.code(dims.index(i, j, k)) == EMPTY;
+            (empty + u32::from(is_empty), all + 1)
+        });
+        f64::from(empty) / f64::from(all.max(1))
     };
-    let Some(first) = (0..lowest).rev().find(|k| empty(*k)[1] > EMPTY_BELOW) else { return low.z };
+    let Some(first) = (0..lowest).rev().find(|k| empty_share(*k, &is_below) > EMPTY_BELOW) else { return low.z };
     // A table may be a little tilted in the grid; what is seen through, and no table soon below, is nothing to stand on.
-    let is_table = (first.saturating_sub(TILTED)..=first).any(|k| empty(k)[0] > BELOW_TABLE);
+    let is_table = (first.saturating_sub(TILTED)..=first).any(|k| empty_share(k, &|_, _| true) > BELOW_TABLE);
     if is_table { first as f64 + 0.5 - middle.z } else { low.z }
 }
 
@@ -259,7 +254,7 @@ pub(super) fn trimmed(values: &mut [f64], share: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Dims, EMPTY, FILLED, Occupancy, UNKNOWN};
+    use crate::grid::{Dims, FILLED, Occupancy, UNKNOWN};
 
     /// A box of 12 × 6 × 4 voxels, known all around, seen from −y: x of the frame is +y of the grid.
     #[test]
