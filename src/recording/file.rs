@@ -142,7 +142,8 @@ impl McapFile {
         let path = file.temporary().unwrap_or(path).to_owned();
         let sink = BufWriter::new(Sink { file, written: 0, fault: fault.clone() });
         let mut started = Self { path, writer: None, fault, messages: 0, sequences: BTreeMap::new() };
-        match WriteOptions::new().library(WRITTEN_BY).disable_seeking(is_stream).create(sink) {
+        let options = WriteOptions::library(WriteOptions::new(), WRITTEN_BY);
+        match options.disable_seeking(is_stream).create(sink) {
             Ok(writer) => started.writer = Some(writer),
             Err(error) => return Err(started.ended_by(&error)),
         }
