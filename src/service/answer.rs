@@ -1,9 +1,9 @@
 //! One observation in, percept and completion out.
 
 use super::asked::ask;
-use super::belief::ClassBelief;
+use super::belief::{ClassBelief, NoneBelief};
 use super::streams::Waiting;
-use super::tracks::Tracks;
+use super::tracks::{Answered, Tracks};
 use beo_core::grid::{Observation, Rotation, from_xyzw, to_xyzw};
 use beo_core::model::Model;
 use beo_core::perception::{self, Classified, CompletionFrame, Method, PerceiveError, Perceiver, Query, Workspace};
@@ -41,6 +41,8 @@ struct Desk {
     query: Query,
     /// The belief about the class of an object that continues, before this frame.
     believed: Option<ClassBelief>,
+    /// The same of whether it has one.
+    none: Option<NoneBelief>,
     /// The class posterior, given all frames of the object.
     filtered: Vec<f64>,
     started_ns: u64,
@@ -71,6 +73,7 @@ impl Desk {
             percept: perception::Percept::default(),
             query: query.clone(),
             believed: None,
+            none: None,
             filtered: Vec::new(),
             started_ns: 0,
             outcome: Outcome::Waiting,
@@ -80,18 +83,15 @@ impl Desk {
 
     /// Sets in the query what a header asks for and what is expected of an object that it continues; `defaults` says the rest.
     fn ask(&mut self, defaults: &Query, tracks: &Tracks, header: &ObservationHeader) {
-        let Self { query, believed, started_ns, .. } = self;
+        let Self { query, believed, none, started_ns, .. } = self;
         *started_ns = monotonic_ns();
         *believed = None;
         ask(query, header, defaults.pose);
         query.log_prior.clone_from(&defaults.log_prior);
-        let is_continued = header.continues != 0;
-        let track = is_continued.then(|| tracks.of(header.producer_id, header.continued_object_id, *started_ns)).flatten();
-        let Some(track) = track else { return };
-        if header.rotation_prior_concentration == 0.0
-            && let Some(expected) = &track.expected_rotation
-        {
-            query.rotation_prior = expected.clone();
+        (*none, query.expected) = (None, None);
+        let Some(track) = tracks.continued(header, *started_ns) else { return };
+        if header.rotation_prior_concentration == 0.0 {
+            track.expect(header, query);
         }
         // From above, the whole top of an object is seen in each frame, and one frame says as much as many.
         if beo_ipc::View::from_code(header.view) != Some(beo_ipc::View::Camera) {
@@ -104,7 +104,7 @@ impl Desk {
                 *expected = *prior;
             }
         }
-        *believed = Some(track.class);
+        (*believed, *none) = (Some(track.class), track.none);
     }
 
     /// Classifies an observation, and lets `complete` complete it if that was asked for.
@@ -130,7 +130,7 @@ impl Desk {
     fn send_completion(&mut self, model_id: u64, server: &Server, asked: &ObservationHeader) {
         if let Outcome::Classified { completion: Some(completion @ Ok(_)) } = &mut self.outcome {
             let send = || {
-                let mut loan = loan_completion(&self.percept, model_id, &self.query, server, asked)?;
+                let mut loan = loan_completion(&self.percept, self.none, model_id, &self.query, server, asked)?;
                 let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
                 occupancy.copy_from_slice(&self.bytes[0]);
                 deviation.copy_from_slice(&self.bytes[1]);
@@ -154,7 +154,7 @@ impl Desk {
             Outcome::Failed(reason) => return internal(answering, &reason),
             Outcome::Waiting => return internal(answering, "the thread that was to answer it has failed"),
         };
-        let Self { percept: answer, query, believed, filtered, started_ns, .. } = self;
+        let Self { percept: answer, query, believed, none, filtered, started_ns, .. } = self;
         let mut percept = answering;
         filtered.clone_from(&answer.posterior);
         let is_filtered = believed.is_some();
@@ -165,8 +165,8 @@ impl Desk {
             }
             None => ClassBelief::first(filtered),
         };
-        let searched = (query.pose != perception::PoseSearch::Known).then_some(&*answer);
-        tracks.remember(header.producer_id, header.object_id, *started_ns, class, searched);
+        let answered = Answered::new(header, *started_ns, class, none_belief(answer, *none), query, answer);
+        tracks.remember(header.producer_id, header.object_id, answered);
         let stamp = |since: Duration| *started_ns + since.as_nanos() as u64;
         percept.projected_ns = stamp(answer.timings.projected);
         percept.classified_ns = stamp(answer.timings.classified);
@@ -190,7 +190,7 @@ impl Desk {
         }
         percept.rotation_spread_rad = answer.rotation_spread_rad as f32;
         place(&mut percept, answer);
-        let beyond = BeyondClass::of(answer);
+        let beyond = BeyondClass::of(answer, *none);
         (percept.none_probability, percept.fit) = (beyond.none_probability, beyond.fit);
         (percept.resting_pose, percept.filtered) = (beyond.resting_pose, u32::from(is_filtered));
         match completion {
@@ -278,7 +278,10 @@ impl Answerer {
             }
             drop(done);
             if let Some((desk, waiting)) = own {
-                desk.answer(perceiver, waiting, |classified, query, _| complete(classified, model_id, query, server, &waiting.header));
+                let none = desk.none;
+                desk.answer(perceiver, waiting, |classified, query, _| {
+                    complete(classified, none, model_id, query, server, &waiting.header)
+                });
                 publish(waiting, desk.percept(tracks, model_id, waiting));
             }
             while let Ok((desk, waiting)) = finished.recv() {
@@ -290,8 +293,15 @@ impl Answerer {
 }
 
 /// Writes the completion of what was classified in place into shared memory.
-fn complete(classified: Classified<'_>, model_id: u64, query: &Query, server: &Server, asked: &ObservationHeader) -> Result<(), String> {
-    let mut loan = loan_completion(classified.percept(), model_id, query, server, asked)?;
+fn complete(
+    classified: Classified<'_>,
+    none_before: Option<NoneBelief>,
+    model_id: u64,
+    query: &Query,
+    server: &Server,
+    asked: &ObservationHeader,
+) -> Result<(), String> {
+    let mut loan = loan_completion(classified.percept(), none_before, model_id, query, server, asked)?;
     let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
     classified.complete_into(occupancy, deviation).map_err(|error| error.to_string())?;
     loan.send().map_err(|error| error.to_string())
@@ -300,6 +310,7 @@ fn complete(classified: Classified<'_>, model_id: u64, query: &Query, server: &S
 /// Shared memory for the completion of an answer, its header written.
 fn loan_completion(
     answer: &perception::Percept,
+    none_before: Option<NoneBelief>,
     model_id: u64,
     query: &Query,
     server: &Server,
@@ -311,7 +322,7 @@ fn loan_completion(
     header.class_index = answer.class as u32;
     header.method = method_code(query.method).code();
     header.rotation_object_to_grid = quaternion(&answer.rotation_object_to_grid);
-    header.none_probability = BeyondClass::of(answer).none_probability;
+    header.none_probability = BeyondClass::of(answer, none_before).none_probability;
     header.frame = asked.completion_frame;
     if query.frame == CompletionFrame::Object {
         // The canonical grid lies elsewhere and has other voxels where size and place were searched.
@@ -329,13 +340,20 @@ struct BeyondClass {
 }
 
 impl BeyondClass {
-    /// The values of perception's answer, with marks where perception did not compute them. The one place where they are taken over.
-    fn of(answer: &perception::Percept) -> Self {
+    /// The values of perception's answer, with marks where perception did not compute them, and with what was believed before of an object that
+    /// continues. The one place where they are taken over.
+    fn of(answer: &perception::Percept, none_before: Option<NoneBelief>) -> Self {
         let number = |value: Option<f64>| value.map_or(NOT_COMPUTED, |value| value as f32);
-        let (none_probability, fit) = (number(answer.none_probability), number(answer.fit));
+        let none = none_belief(answer, none_before).map(NoneBelief::probability);
+        let (none_probability, fit) = (number(none), number(answer.fit));
         let resting_pose = answer.resting_pose.map_or(NO_RESTING_POSE, |place| place as u32);
         Self { none_probability, fit, resting_pose }
     }
+}
+
+/// What is believed, after this answer, of whether the object is of none of the classes.
+fn none_belief(answer: &perception::Percept, before: Option<NoneBelief>) -> Option<NoneBelief> {
+    answer.none_probability.map(|p| before.map_or(NoneBelief::first(p), |before| before.after(p)))
 }
 
 /// Writes where the object is and how big.

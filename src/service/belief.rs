@@ -1,4 +1,4 @@
-//! The class of an object that is seen in several frames: Bayes' rule with forgetting.
+//! What is believed of an object that is seen in several frames: its class, by Bayes' rule with forgetting, and whether it has one.
 //!
 //! Let b be the belief after the last frame, m the number of classes, and L(s) the likelihood of the new frame. An object may have been
 //! exchanged for another between two frames, with probability ε, so the prediction is b'(s) = (1 − ε) b(s) + ε / m. Frames of one object are
@@ -49,6 +49,40 @@ impl ClassBelief {
     }
 }
 
+/// Weight α of a new frame in the logarithm of the odds that an object is of none of the classes. Frames of a still object err alike, so the
+/// logarithms are averaged (a logarithmic opinion pool with forgetting) and not added: many frames that are not sure make no sure answer.
+const NONE_WEIGHT: f64 = 0.35;
+/// No frame is surer than this in either direction, so that an object that was exchanged is noticed within three.
+const SUREST_NONE: f64 = 0.99;
+
+/// Logarithm of the odds that an object is of none of the classes, given all frames so far: f ← (1 − α) f + α ln(p / (1 − p)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoneBelief {
+    log_odds: f64,
+}
+
+impl NoneBelief {
+    fn log_odds(probability: f64) -> f64 {
+        let p = probability.clamp(1.0 - SUREST_NONE, SUREST_NONE);
+        (p / (1.0 - p)).ln()
+    }
+
+    /// The belief after the first frame.
+    pub fn first(probability: f64) -> Self {
+        Self { log_odds: Self::log_odds(probability) }
+    }
+
+    /// The belief after another frame.
+    pub fn after(self, probability: f64) -> Self {
+        Self { log_odds: (1.0 - NONE_WEIGHT) * self.log_odds + NONE_WEIGHT * Self::log_odds(probability) }
+    }
+
+    /// The probability that is believed.
+    pub fn probability(self) -> f64 {
+        (1.0 + (-self.log_odds).exp()).recip()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,5 +128,20 @@ mod tests {
         (0..100).for_each(|_| drop(see(&mut belief, &[0.97, 0.02, 0.01])));
         let after: Vec<usize> = (0..3).map(|_| class(&see(&mut belief, &[0.02, 0.01, 0.97]))).collect();
         assert_eq!(after[2], 2, "{after:?}");
+    }
+
+    #[test]
+    fn of_frames_that_are_not_sure_no_sure_belief_comes_and_a_change_is_noticed_within_three() {
+        let after = |start: NoneBelief, frames: &[f64]| frames.iter().fold(start, |belief, p| belief.after(*p));
+        let unsure = after(NoneBelief::first(0.6), &[0.6; 50]);
+        assert!((unsure.probability() - 0.6).abs() < 1e-9);
+        // One frame in four that is sure of the opposite does not turn it.
+        let frames: Vec<f64> = (0..40).map(|n| if n % 4 == 3 { 0.9 } else { 0.1 }).collect();
+        let steps = (0..frames.len()).map(|n| after(NoneBelief::first(0.1), &frames[..n]).probability());
+        assert!(steps.into_iter().all(|p| p < 0.5));
+        assert!(after(NoneBelief::first(0.0), &[1.0; 3]).probability() > 0.5);
+        // By hand: ln(0.2 / 0.8) (1 − α) + ln(0.7 / 0.3) α.
+        let by_hand = 0.65 * 0.25_f64.ln() + 0.35 * (7.0_f64 / 3.0).ln();
+        assert!((NoneBelief::first(0.2).after(0.7).probability() - 1.0 / (1.0 + (-by_hand).exp())).abs() < 1e-12);
     }
 }

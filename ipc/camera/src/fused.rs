@@ -30,7 +30,7 @@ impl FusedObjects {
     /// [`GridError`] if a grid is so far away that its place is not finite.
     pub fn keep_places(&mut self, found: &mut FrameGrids, camera_to_world: &Isometry3<f64>) -> Result<(), GridError> {
         let sensor = found.sensor();
-        for ObjectGrid { object, grid } in &mut found.objects {
+        for ObjectGrid { object, grid, .. } in &mut found.objects {
             match (self.objects.get(object), &grid) {
                 (Some(known), now) => {
                     let now = now.as_ref().ok().copied();

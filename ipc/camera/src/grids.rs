@@ -12,9 +12,10 @@ use crate::scene::Scene;
 use crate::segments::Segments;
 use crate::supports::{SupportSearch, Supports, find_supports, find_table, local_support, only_up};
 use crate::tables::{SegmentScratch, Segmentation, segment};
-use crate::tracking::SegmentTracks;
+use crate::tracking::ObjectTracks;
 use crate::{Frame, Intrinsics, Plane, SensorModel};
 use nalgebra::{Unit, Vector3};
+use std::collections::BTreeMap;
 
 /// How frames become grids.
 #[derive(Clone, Copy, Debug)]
@@ -126,6 +127,8 @@ pub struct ObservedGrid {
 pub struct ObjectGrid {
     /// Its label.
     pub object: u16,
+    /// The label that it had in the frame before, where that frame had an object at this place.
+    pub continues: Option<u16>,
     /// Its grid, or why there is none.
     pub grid: Result<ObservedGrid, NoGrid>,
 }
@@ -219,6 +222,13 @@ fn middle_depth(depth: &[f32], pixels: &[u32]) -> f64 {
     f64::from(percentile(&some, 0.5))
 }
 
+/// What stands on the table of a frame: its labels, its supports, and what the frame before had of it.
+struct Segmented {
+    labels: Vec<u16>,
+    supports: Option<Supports>,
+    before: BTreeMap<u16, u16>,
+}
+
 /// Turns frames into grids; keeps what lasts from frame to frame.
 #[derive(Clone, Debug)]
 pub struct Observer {
@@ -226,13 +236,13 @@ pub struct Observer {
     rays: Option<Rays>,
     state: Vec<u8>,
     segments: SegmentScratch,
-    tracks: SegmentTracks,
+    tracks: ObjectTracks,
 }
 
 impl Observer {
     /// With these options.
     pub fn new(options: GridOptions) -> Self {
-        Self { options, rays: None, state: Vec::new(), segments: SegmentScratch::default(), tracks: SegmentTracks::default() }
+        Self { options, rays: None, state: Vec::new(), segments: SegmentScratch::default(), tracks: ObjectTracks::default() }
     }
 
     /// The options.
@@ -256,21 +266,21 @@ impl Observer {
     /// frame before; all are 0 where there is no plane. `depth` has a value for each pixel of the camera, metres.
     pub fn segment_table(&mut self, intrinsics: &Intrinsics, depth: &[f32]) -> Vec<u16> {
         let rays = self.prepare(intrinsics);
-        let (labels, _) = self.segmented(&rays, &rays.readings(depth));
+        let Segmented { labels, .. } = self.segmented(&rays, &rays.readings(depth));
         self.rays = Some(rays);
         labels
     }
 
-    /// The labels of what stands on the table of a frame, and its supports.
-    fn segmented(&mut self, rays: &Rays, depth: &[f32]) -> (Vec<u16>, Option<Supports>) {
+    /// What stands on the table of a frame.
+    fn segmented(&mut self, rays: &Rays, depth: &[f32]) -> Segmented {
         let search = SupportSearch { up: self.options.gravity.map(|gravity| -gravity), label: None };
         let supports = find_table(rays, depth, &self.options.sensor, &search);
         let mut labels = match &supports {
             Some(supports) => segment(rays, depth, &self.options.sensor, supports, &mut self.segments),
             None => vec![0; depth.len()],
         };
-        self.tracks.renumber(rays, depth, &mut labels);
-        (labels, supports)
+        let before = self.tracks.renumber(rays, depth, &mut labels);
+        Segmented { labels, supports, before }
     }
 
     /// Finds the supports, the objects and their own readings, and lays a grid about each. Nothing is carved yet: see
@@ -279,11 +289,11 @@ impl Observer {
         let options = self.options;
         let rays = self.prepare(frame.intrinsics());
         let mut depth = rays.readings(frame.depths());
-        let (segments, table) = match options.segmentation {
-            Segmentation::Labels => (None, None),
+        let (segments, table, before) = match options.segmentation {
+            Segmentation::Labels => (None, None, self.tracks.follow(&rays, &depth, frame.labels())),
             Segmentation::Table => {
-                let (labels, table) = self.segmented(&rays, &depth);
-                (Some(labels), table)
+                let Segmented { labels, supports, before } = self.segmented(&rays, &depth);
+                (Some(labels), supports, before)
             }
         };
         let labels = segments.as_deref().unwrap_or(frame.labels());
@@ -360,7 +370,7 @@ impl Observer {
                 quality.surface_deviation_m = sensor.deviation(middle);
                 ObservedGrid { grid, support: local.map(|local| local.plane), sensor, quality }
             });
-            objects.push(ObjectGrid { object, grid });
+            objects.push(ObjectGrid { object, continues: before.get(&object).copied(), grid });
         }
         let depth = smooth;
         let (supports, corrected_rad) = supports

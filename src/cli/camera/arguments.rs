@@ -3,8 +3,7 @@
 use crate::cli::arguments::PoseArgument;
 use crate::cli::failure::Failure;
 use crate::frames::{DepthAlong, FolderOptions, Unlabelled, VoidLabels, farthest_m};
-use beo_camera::{BelowSupport, GridOptions, Segmentation};
-use beo_camera::{Placement, SensorModel};
+use beo_camera::{BelowSupport, GridOptions, ObjectGrid, Placement, Segmentation, SensorModel};
 use beo_core::grid::Dims;
 use beo_ipc::limits::NAME_LEN;
 use beo_ipc::{InstanceName, ObservationHeader, PoseSearch};
@@ -98,10 +97,18 @@ pub struct Camera {
     /// Name of the camera's frame [default: that of the camera_info's header, or `camera`]
     #[arg(long, value_name = "NAME")]
     pub(super) frame_id: Option<String>,
-    /// The frames are a sequence in which an object keeps its number: the daemon filters its class over them. Objects that it has not seen
-    /// for a while begin anew
-    #[arg(long, conflicts_with = "out")]
-    pub(super) track: bool,
+    /// Which object of the frame before an object continues: the daemon filters class, pose and size of one over its frames
+    #[arg(
+        long,
+        value_enum,
+        default_value_t = TrackArgument::Place,
+        default_missing_value = "place",
+        num_args = 0..=1,
+        require_equals = true,
+        value_name = "BY",
+        conflicts_with = "out"
+    )]
+    pub(super) track: TrackArgument,
     /// Objects do not move: each frame adds to what the ones before saw of them. Needs --trajectory or a BOP scene with poses
     #[arg(long, conflicts_with = "without_end")]
     pub(super) fuse: bool,
@@ -142,6 +149,28 @@ impl std::str::FromStr for IgnoreArgument {
         match text {
             "none" => Ok(Self::None),
             label => label.parse().map(Self::Label).map_err(|_| "use a label from 0 to 65535, or none"),
+        }
+    }
+}
+
+/// Which object continues which.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum TrackArgument {
+    /// The one that was in its place in the frame before, whatever its label
+    Place,
+    /// The one of its label, wherever it was and however long ago
+    Label,
+    /// None: each frame is answered alone
+    None,
+}
+
+impl TrackArgument {
+    /// The object that an object continues, if it does.
+    pub(super) fn continued(self, laid: &ObjectGrid) -> Option<u16> {
+        match self {
+            Self::Place => laid.continues,
+            Self::Label => Some(laid.object),
+            Self::None => None,
         }
     }
 }
@@ -275,7 +304,7 @@ impl Camera {
             PoseArgument::Full => PoseSearch::Full,
             PoseArgument::Rest => PoseSearch::Rest,
         };
-        ObservationHeader { pose_search: pose.code(), continues: u32::from(self.track), ..ObservationHeader::new(dims) }
+        ObservationHeader { pose_search: pose.code(), ..ObservationHeader::new(dims) }
     }
 }
 

@@ -1,9 +1,9 @@
 //! Grids into the shared memory of a daemon, and the count of what it answers.
 
-use super::sink::{Finish, Shown, Sink};
+use super::sink::{Finish, Observed, Shown, Sink};
 use crate::cli::failure::Failure;
 use beo_camera::carve;
-use beo_camera::{Carver, FrameGrids, Quality};
+use beo_camera::{Carver, FrameGrids};
 use beo_ipc::text::{from_field, to_field};
 use beo_ipc::{CarvedGrid, ObservationHeader, PerceptStatus, Producer, Subscriber};
 use std::collections::BTreeMap;
@@ -51,7 +51,7 @@ impl Sink for Daemon {
         Ok(())
     }
 
-    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, quality: &Quality, finish: &mut Finish<'_>) -> Result<(), Failure> {
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, observed: &Observed, finish: &mut Finish<'_>) -> Result<(), Failure> {
         if self.in_step {
             self.settle(IN_FLIGHT - 1)?;
         }
@@ -62,15 +62,15 @@ impl Sink for Daemon {
         *loan.header_mut() = ObservationHeader {
             producer_id: template.producer_id,
             pose_search: template.pose_search,
-            continued_object_id: carver.object.into(),
-            continues: template.continues,
+            continued_object_id: observed.continues.unwrap_or(carver.object).into(),
+            continues: u32::from(observed.continues.is_some()),
             capture_ns: of.captured_ns,
             sensor_stamp_ns: of.stamp_ns,
             frame_id: to_field(of.frame_id),
             ..ObservationHeader::of_grid(&CarvedGrid {
                 object_id: carver.object.into(),
                 known_side_m: self.known_side_m.unwrap_or(0.0),
-                ..CarvedGrid::from(&carver.grid).with_quality(quality)
+                ..CarvedGrid::from(&carver.grid).with_quality(&observed.quality)
             })?
         };
         let sent = loan.send()?;

@@ -1,9 +1,9 @@
 //! Grids into a folder: each as `.npy` with a `.json` that says where it lies.
 
-use super::sink::{Finish, Shown, Sink};
+use super::sink::{Finish, Observed, Shown, Sink};
 use crate::cli::failure::{Failure, cannot_write};
 use beo_camera::carve;
-use beo_camera::{Carver, FrameGrids, Quality};
+use beo_camera::{Carver, FrameGrids};
 use beo_core::grid::{Dims, Observation};
 use beo_core::whole_file::write_whole;
 use beo_ipc::CarvedGrid;
@@ -45,7 +45,8 @@ impl Sink for Files {
         write_whole(&path, &bytes).map_err(cannot_write(&path))
     }
 
-    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, quality: &Quality, finish: &mut Finish<'_>) -> Result<(), Failure> {
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, observed: &Observed, finish: &mut Finish<'_>) -> Result<(), Failure> {
+        let quality = &observed.quality;
         carve(carver, &mut self.voxels)?;
         finish(&mut self.voxels)?;
         let grid = &carver.grid;

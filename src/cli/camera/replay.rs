@@ -2,7 +2,7 @@
 
 use super::arguments::{Camera, SegmentArgument};
 use super::pictures::Pictures;
-use super::sink::{Shown, Sink};
+use super::sink::{Observed, Shown, Sink};
 use crate::cli::failure::Failure;
 use crate::frames::{CapturedFrame, FrameFolder, StampedPose, question_depth, question_size};
 use beo_camera::{FrameGrids, FusedObjects, GridOptions, ObjectGrid, Observer, Segmentation};
@@ -117,7 +117,8 @@ impl<'a> Replay<'a> {
                 Ok(observed) => {
                     let carver = grids.carver(laid.object, observed);
                     let fuse = self.camera.fuse;
-                    sink.take(&shown, &carver, &observed.quality, &mut |voxels| {
+                    let of_object = Observed { quality: observed.quality, continues: self.camera.track.continued(laid) };
+                    sink.take(&shown, &carver, &of_object, &mut |voxels| {
                         if fuse { Ok(self.fused.fuse(laid.object, voxels)?) } else { Ok(()) }
                     })?;
                 }

@@ -8,9 +8,17 @@ pub(super) trait Sink {
     /// A frame was taken apart, and its grids follow.
     fn segmented(&mut self, of: &Shown<'_>, grids: &FrameGrids) -> Result<(), Failure>;
     /// Carves it into its place, lets `finish` change it, and passes it on.
-    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, quality: &Quality, finish: &mut Finish<'_>) -> Result<(), Failure>;
+    fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, observed: &Observed, finish: &mut Finish<'_>) -> Result<(), Failure>;
     /// All objects of a frame were taken.
     fn frame_ended(&mut self) -> Result<(), Failure>;
+}
+
+/// What is known of an object besides its grid.
+pub(super) struct Observed {
+    /// The readings of its mask.
+    pub(super) quality: Quality,
+    /// The object of an earlier frame that it is.
+    pub(super) continues: Option<u16>,
 }
 
 /// Adds what other frames know of the object.

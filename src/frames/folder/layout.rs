@@ -3,6 +3,7 @@
 use super::error::FolderError;
 use crate::frames::{SceneCamera, parse_scene_camera};
 use beo_shapes::{ReadError, read_bytes};
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -72,17 +73,39 @@ const CAMERA_FILES: [&str; 9] = [
 /// Label of a mask that is alone in its frame.
 const ONLY: u16 = 1;
 
-/// The frames of a folder, sorted by name.
+/// The frames of a folder, sorted by name, numbers in names by their value.
 pub(super) fn frames(folder: &Path) -> Result<Vec<FrameFiles>, FolderError> {
     let files = list(folder)?;
-    let frames = if files.iter().any(|file| file == "scene_camera.json") {
+    let mut frames = if files.iter().any(|file| file == "scene_camera.json") {
         scene(folder)?
     } else if folder.join("depth").is_dir() {
         subfolders(folder, &files)?
     } else {
         flat(folder, &files)
     };
+    frames.sort_by(|a, b| by_number(&a.name, &b.name));
     if frames.is_empty() { Err(FolderError::NoFrames { path: folder.into() }) } else { Ok(frames) }
+}
+
+/// The order of names in which digits that stand together count as a number: frame_9 comes before frame_10, as it was captured. Names that are
+/// the same then, as 07 and 7, are in the order of their characters.
+fn by_number(a: &str, b: &str) -> Ordering {
+    let digits = |text: &str| text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    let (mut rest_a, mut rest_b) = (a, b);
+    while let (Some(next_a), Some(next_b)) = (rest_a.chars().next(), rest_b.chars().next()) {
+        let lengths = [digits(rest_a), digits(rest_b)];
+        let (order, taken) = if lengths[0] > 0 && lengths[1] > 0 {
+            let [value_a, value_b] = [&rest_a[..lengths[0]], &rest_b[..lengths[1]]].map(|digits| digits.trim_start_matches('0'));
+            (value_a.len().cmp(&value_b.len()).then_with(|| value_a.cmp(value_b)), lengths)
+        } else {
+            (next_a.cmp(&next_b), [next_a.len_utf8(), next_b.len_utf8()])
+        };
+        if order.is_ne() {
+            return order;
+        }
+        (rest_a, rest_b) = (&rest_a[taken[0]..], &rest_b[taken[1]..]);
+    }
+    rest_a.len().cmp(&rest_b.len()).then_with(|| a.cmp(b))
 }
 
 /// Names in a folder, sorted. Those that are no text are none of ours.
@@ -209,4 +232,20 @@ fn scene(folder: &Path) -> Result<Vec<FrameFiles>, FolderError> {
         name,
     };
     Ok(depths.into_iter().map(frame).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_names_count_by_their_value() {
+        let sorted =
+            ["1_1", "1_2", "1_10", "2_0", "10_0", "a", "a0", "a00", "a1", "a1b", "a01c", "a2", "frame_9", "frame_10", "frame_010x", "é1"];
+        for (i, a) in sorted.iter().enumerate() {
+            for (j, b) in sorted.iter().enumerate() {
+                assert_eq!(by_number(a, b), i.cmp(&j), "{a} {b}");
+            }
+        }
+    }
 }

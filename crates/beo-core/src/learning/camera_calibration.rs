@@ -5,7 +5,8 @@ use super::camera_forest::measured;
 use super::camera_views::{AtRest, ComponentShapes, ViewSample, Views, are_plain, stream};
 use crate::grid::{Outside, yaw_of};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
-use crate::perception::camera::camera_search::{CameraScratch, CameraSearch, ModeRefiner, ModeRefinerScratch};
+use crate::perception::camera::camera_search::{CameraScratch, CameraSearch};
+use crate::perception::camera::mode_refiner::{ModeRefiner, ModeRefinerScratch};
 use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
 use crate::perception::densities::log_sum::log_sum_exp;
 use crate::perception::evidence::lattice::Codes;
@@ -100,7 +101,7 @@ pub fn calibrate(
         let elevation = lowest + (highest - lowest) * rng.random_range(0.0..1.0);
         let sample = at_rest.see_finely(rng.random_range(0.0..TAU), elevation, views.sensing, &mut rng)?;
         let mut work = ViewWork::default();
-        scores.score(&sample.frame, &sample.observation, &KnownPlacement::default(), &vec![true; classes], &mut work);
+        scores.score(&sample.frame, &sample.observation, &KnownPlacement::default(), &vec![true; classes], None, &mut work);
         let cells = std::mem::take(&mut work.cells);
         let log_size = |cell: &Cell| -> f64 {
             let size = components[cell.component].size;
@@ -278,7 +279,7 @@ fn weigh_as_they_lie(
         let (rotation, scale, place) = frame.seen(placed);
         let told = KnownPlacement { upright: true, yaw: Some(yaw_of(&rotation)), scale: Some(scale), place: Some(place) };
         let mut work = ViewWork::default();
-        scores.score(frame, observation, &told, &vec![true; classes], &mut work);
+        scores.score(frame, observation, &told, &vec![true; classes], None, &mut work);
         let mut terms = vec![Vec::new(); classes];
         work.cells.iter().for_each(|cell| terms[cell.class].push(pose_weight * cell.score));
         let marginal = terms.iter().map(|of| log_sum_exp(of.iter().copied()) / pose_weight).collect();
@@ -325,6 +326,7 @@ fn weigh(
             outside: Outside::Unknown,
             frame: &view.sample.frame,
             told: &KnownPlacement::default(),
+            expectation: None,
         };
         let mut scratch = ModeRefinerScratch::new(dims);
         let mut evidence = vec![f64::INFINITY; classes];

@@ -11,6 +11,7 @@ use crate::grid::{Rotation, Similarity};
 pub(super) fn decide(query: &Query, scored: &Scored, modes: &mut Modes, percept: &mut Percept) {
     percept.informed = scored.informed;
     (percept.none_probability, percept.fit, percept.resting_pose) = (scored.none_probability, None, scored.resting_pose);
+    percept.expected = scored.expected;
     percept.scores.clear();
     // A class that was left out has no score: zero, not minus infinity.
     percept.scores.extend(scored.scores.iter().map(|score| if score.is_finite() { *score } else { 0.0 }));

@@ -85,6 +85,7 @@ impl LevelSearch<'_> {
         let LevelScratch { work, seen: small_seen, query: on_level, .. } = small;
         on_level.set(self.query);
         (on_level.camera, on_level.scale, on_level.completion) = (self.query.camera.map(|at| at / factor), scale, false);
+        on_level.expected = self.query.expected.map(|expected| expected.on_level(factor));
         let started = clock.elapsed();
         work.start(small_seen, on_level);
         level.grid.answer(on_level, work, percept)?;
@@ -94,6 +95,7 @@ impl LevelSearch<'_> {
             *stage += started;
         }
         percept.placed.translation_voxels *= factor;
+        percept.expected = percept.expected.map(|expected| expected.on_level(1.0 / factor));
         if let Some(found) = &mut percept.object_box {
             let lengths = [&mut found.extent_voxels, &mut found.extent_deviation_voxels, &mut found.position_deviation_voxels];
             lengths.into_iter().flatten().for_each(|length| *length *= factor);

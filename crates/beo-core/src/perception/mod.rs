@@ -57,5 +57,5 @@ pub use evidence::subspace::ClassSubspace;
 pub use needs::{derived_bytes, workspace_bytes};
 pub use perceiver::{Classified, Perceiver, Workspace};
 pub use percept::{Hypothesis, ObjectBox, Percept};
-pub use query::{CompletionFrame, Method, PaperPose, PoseSearch, Projection, Query, RotationPrior, ScaleSearch};
+pub use query::{CompletionFrame, ExpectedPlacement, Method, PaperPose, PoseSearch, Projection, Query, RotationPrior, ScaleSearch};
 pub use timings::Timings;

@@ -1,6 +1,7 @@
 //! The percept that answers a query.
 
 use crate::grid::{Rotation, Similarity};
+use crate::perception::query::ExpectedPlacement;
 use crate::perception::timings::Timings;
 
 /// The box about the object, along its own axes, as a camera's view and the search for size and place give it. Lengths in voxels of the
@@ -61,6 +62,8 @@ pub struct Percept {
     pub fit: Option<f64>,
     /// Which of the class's resting poses the object lies in; `None` where the search did not go over these.
     pub resting_pose: Option<usize>,
+    /// How the object is to be expected in the next frame; `None` where size and place were not searched before a camera.
+    pub expected: Option<ExpectedPlacement>,
     /// When each stage was done.
     pub timings: Timings,
 }

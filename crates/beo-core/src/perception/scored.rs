@@ -1,6 +1,7 @@
 //! Scores of classes and poses, as the decision takes them over.
 
 use super::percept::ObjectBox;
+use super::query::ExpectedPlacement;
 use crate::grid::{Rotation, Similarity};
 
 /// Which classes take part, one value per class.
@@ -39,6 +40,8 @@ pub(crate) struct Scored {
     pub placement: Option<(Similarity, ObjectBox)>,
     /// Its component among those of the model, if resting poses were searched.
     pub resting_pose: Option<usize>,
+    /// How it is to be expected in the next frame, if size and place were refined.
+    pub expected: Option<ExpectedPlacement>,
     /// Probability that the thing belongs to no class, if the model has learned to tell.
     pub none_probability: Option<f64>,
 }
@@ -54,6 +57,7 @@ impl Scored {
         self.samples.clear();
         self.placement = None;
         self.resting_pose = None;
+        self.expected = None;
         self.none_probability = None;
     }
 }

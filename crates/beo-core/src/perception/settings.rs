@@ -104,6 +104,18 @@ pub(super) const CAMERA: CameraSettings = CameraSettings {
     unsure: [0.1, 0.1, 1.5, 1.0, 1.0, 4.0, 4.0, 4.0],
 };
 
+/// An object before a camera that is looked for where it is expected (`camera::camera_search`).
+pub(super) struct FollowedSettings {
+    /// It is searched everywhere again after so many frames.
+    pub most_frames: u32,
+    /// The forest names its class no less than the one that it names most, within this, nats.
+    pub share_falls_nats: f64,
+    /// The log evidence per known voxel is no less than it was when last answered, within this, nats.
+    pub fit_falls: f64,
+}
+
+pub(super) const FOLLOWED: FollowedSettings = FollowedSettings { most_frames: 9, share_falls_nats: 1.0, fit_falls: 0.05 };
+
 /// Classes whose posterior by the hull is below this share of the best one's are not worth computing their evidence, which weighs little in the
 /// blend: on objects held out of ModelNet10's `train`, no answer and no log loss changed.
 pub(super) const LEAST_SHARE_OF_BEST: f64 = 1e-2;

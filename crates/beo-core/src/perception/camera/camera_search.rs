@@ -4,44 +4,36 @@
 //! sizes, places and angles about that, coarse to fine (`camera::refinement`). Without such densities, or by another method, the evidence
 //! scores all steps of yaw at the size that what is visible suggests.
 
+use super::expectation::Expectation;
+use super::mode_refiner::{Climbed, ModeRefiner, ModeRefinerScratch, PlacedClass};
 use super::refinement::Parameters;
-use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, PlacementPrior, RefinedPlacement, SEEN, ViewFrame, ViewWork, measure};
-use crate::grid::{Dims, Observation, Outside, Rotation, Similarity, yaw};
+use super::{CameraScores, Cell, KnownPlacement, MeasureScratch, RefinedPlacement, SEEN, ViewFrame, ViewWork, measure};
+use crate::grid::{Observation, Rotation, Similarity, yaw};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFSETS, YAWS};
 use crate::perception::cut;
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
 use crate::perception::evidence::lattice::Codes;
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
-use crate::perception::evidence::thinned::{Detail, ThinnedEvidence, ThinnedScratch};
 use crate::perception::pool::Pool;
 use crate::perception::scored::Sample;
 use crate::perception::scored::{ClassMask, MODE_RADIUS, Scored};
 use crate::perception::search::merging::Merging;
-use crate::perception::settings::CAMERA;
+use crate::perception::settings::{CAMERA, FOLLOWED};
 use crate::perception::timings::Clock;
-use crate::perception::{Method, PerceiveError, PoseSearch, Query};
+use crate::perception::{ExpectedPlacement, Method, PerceiveError, PoseSearch, Query};
 use crate::perception::{ObjectBox, ScaleSearch};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-
-/// A class as it lies best.
-#[derive(Clone, Copy, Debug)]
-pub struct PlacedClass {
-    /// Where the search began.
-    pub cell: Cell,
-    /// Where it ended, in the view's frame.
-    pub refined: RefinedPlacement,
-    /// Log evidence there, relative to the background.
-    pub log_evidence: f64,
-}
 
 /// Scratch memory of this stage.
 #[derive(Default)]
 pub struct CameraScratch {
     view: ViewWork,
     evidence: Pool<EvidenceScratch>,
+    /// Log density of each cell, the prior's included.
+    values: Vec<f64>,
     order: Vec<usize>,
     merging: Merging,
     likely: Vec<usize>,
@@ -62,118 +54,16 @@ fn log_share(shares: &[f64], class: usize) -> f64 {
     shares.get(class).copied().unwrap_or(0.0)
 }
 
-/// Refines modes by the evidence: climbs on that of a coarse lattice of voxels, settles on that of a finer one, and weighs that of all.
-pub struct ModeRefiner<'a> {
-    /// The classes.
-    pub evidence: &'a EvidenceModel,
-    /// Weight of the log evidence against what the view's density expects.
-    pub weight: f64,
-    /// Content of the space beyond the grid.
-    pub outside: Outside,
-    /// The view's frame.
-    pub frame: &'a ViewFrame,
-    /// Knowledge of yaw, size and place.
-    pub told: &'a KnownPlacement,
-    /// The observation …
-    pub seen: &'a Observation,
-    /// … and the same for lattices.
-    pub codes: &'a Codes,
+/// What is seen, in its frame, and what is known of the object.
+struct SeenObject<'a> {
+    seen: &'a Observation,
+    frame: &'a ViewFrame,
+    told: KnownPlacement,
 }
 
-/// Scratch memory of a [`ModeRefiner`].
-pub struct ModeRefinerScratch {
-    all: EvidenceScratch,
-    thinned: ThinnedScratch,
-}
-
-impl ModeRefinerScratch {
-    /// Room for observations of one size.
-    pub fn new(dims: Dims) -> Self {
-        Self { all: EvidenceScratch::new(dims), thinned: ThinnedScratch::default() }
-    }
-}
-
-/// Where the climb of a cell ended.
-#[derive(Clone, Copy, Debug)]
-pub struct Climbed {
-    cell: Cell,
-    parameters: Parameters,
-    value: f64,
-}
-
-impl ModeRefiner<'_> {
-    /// Climbs from where a cell expects yaw, size and place.
-    pub fn climb(&self, cell: &Cell, scratch: &mut ModeRefinerScratch) -> Result<Climbed, PerceiveError> {
-        let start = start(cell, self.told);
-        if start.is_known() {
-            return Ok(Climbed { cell: *cell, parameters: start.expected, value: 0.0 });
-        }
-        let mut evidence = self.evidence(Detail::Coarse, cell, scratch);
-        let (parameters, value) = start.climb(|at| evidence.log_likelihood(at))?;
-        Ok(Climbed { cell: *cell, parameters, value })
-    }
-
-    /// Ends a climb.
-    pub fn settle(&self, climbed: &Climbed, scratch: &mut ModeRefinerScratch) -> Result<PlacedClass, PerceiveError> {
-        let Climbed { cell, parameters, .. } = climbed;
-        let start = start(cell, self.told);
-        let mut refined = match start.is_known() {
-            true => RefinedPlacement { parameters: *parameters, deviations: [0.0; 5], value: 0.0 },
-            false => {
-                let mut evidence = self.evidence(Detail::Fine, cell, scratch);
-                start.settle(parameters, |at| evidence.log_likelihood(at))?
-            }
-        };
-        let log_evidence = self.of_all(cell, &refined.parameters, &mut scratch.all)?;
-        refined.value = self.weight * log_evidence + start.log_density(&refined.parameters);
-        Ok(PlacedClass { cell: *cell, refined, log_evidence })
-    }
-
-    /// Both.
-    pub fn refine(&self, cell: &Cell, scratch: &mut ModeRefinerScratch) -> Result<PlacedClass, PerceiveError> {
-        let climbed = self.climb(cell, scratch)?;
-        self.settle(&climbed, scratch)
-    }
-
-    fn placed(&self, cell: &Cell, at: &Parameters) -> Similarity {
-        cell.placed(self.frame, at[0], at[1].exp(), &Vector3::new(at[2], at[3], at[4]))
-    }
-
-    fn of_all(&self, cell: &Cell, at: &Parameters, scratch: &mut EvidenceScratch) -> Result<f64, PerceiveError> {
-        Ok(self.evidence.of_placed(self.seen, &self.placed(cell, at), self.outside, cell.class, scratch)?.log_ratio)
-    }
-
-    fn evidence<'b>(&'b self, detail: Detail, cell: &'b Cell, scratch: &'b mut ModeRefinerScratch) -> CellEvidence<'b> {
-        let EvidenceModel { thinned, noise_variance, .. } = self.evidence;
-        let from = match thinned {
-            Some(model) => Voxels::Lattice(model.of_class(detail, self.codes, cell.class, *noise_variance, &mut scratch.thinned)),
-            None => Voxels::All(&mut scratch.all),
-        };
-        CellEvidence { refiner: self, cell, from }
-    }
-}
-
-/// The evidence on which a cell is refined.
-struct CellEvidence<'a> {
-    refiner: &'a ModeRefiner<'a>,
-    cell: &'a Cell,
-    from: Voxels<'a>,
-}
-
-/// Voxels that evidence is computed from.
-enum Voxels<'a> {
-    Lattice(ThinnedEvidence<'a>),
-    All(&'a mut EvidenceScratch),
-}
-
-impl CellEvidence<'_> {
-    fn log_likelihood(&mut self, at: &Parameters) -> Result<f64, PerceiveError> {
-        let Self { refiner, cell, from } = self;
-        let log_evidence = match from {
-            Voxels::Lattice(evidence) => evidence.log_ratio(&refiner.placed(cell, at))?,
-            Voxels::All(scratch) => refiner.of_all(cell, at, scratch)?,
-        };
-        Ok(refiner.weight * log_evidence)
+impl SeenObject<'_> {
+    fn known_voxels(&self) -> f64 {
+        self.seen.known().count_ones(..).max(1) as f64
     }
 }
 
@@ -188,19 +78,6 @@ struct Sureness<'a> {
 impl Sureness<'_> {
     fn of_class(&self, score: f64, log_share: f64) -> ClassScores {
         if self.by_density { ClassScores { forest: log_share, ..ClassScores::hull(score) } } else { ClassScores::evidence(score) }
-    }
-}
-
-/// Log density over the yaw of a class: of the view, and the prior's.
-pub struct PoseDensity<'a> {
-    weight: f64,
-    /// At a yaw in the view's frame, radians, of what rests so.
-    log_prior: &'a dyn Fn(f64, &Rotation) -> f64,
-}
-
-impl PoseDensity<'_> {
-    fn of(&self, cell: &Cell) -> f64 {
-        cell.log_weight(self.weight) + (self.log_prior)(cell.yaw(), &cell.resting)
     }
 }
 
@@ -227,57 +104,149 @@ pub fn is_viewed(query: &Query, has_densities: bool) -> bool {
 impl CameraSearch<'_> {
     /// Class posterior, weighted rotations, and how the object of the most probable class lies. Sets `out.informed` to whether enough is seen.
     pub fn score(&self, seen: &Observation, scratch: &mut CameraScratch, clock: &mut Clock, out: &mut Scored) -> Result<(), PerceiveError> {
-        let query = self.query;
         // Seen from no stated place: as if from the front, well above.
-        let camera = query.camera.unwrap_or(Vector3::new(-100.0, 0.0, 80.0));
+        let camera = self.query.camera.unwrap_or(Vector3::new(-100.0, 0.0, 80.0));
         let Some(frame) = ViewFrame::new(seen, &camera, &mut scratch.view.along) else {
             out.informed = false;
             return Ok(());
         };
-        let told = self.told(&frame);
-        let sure = self.score_view(seen, &frame, &told, scratch)?;
+        let view = SeenObject { seen, frame: &frame, told: self.told(&frame) };
         out.none_probability = self.ask_forest(seen, &frame, scratch);
+        let expectation = self.expectation(&view);
+        if let Some(expectation) = &expectation
+            && self.follow(&view, expectation, scratch, clock, out)?
+        {
+            return Ok(());
+        }
+        let sure = self.score_view(&view, None, scratch)?;
         clock.projected();
+        self.add_samples(&view, &sure, scratch, out);
+        for class in 0..self.wanted.len() {
+            let of_class = out.samples.iter().filter(|sample| sample.class == class).map(|sample| sample.log_density);
+            out.scores.push(log_sum_exp(of_class) / sure.pose_weight);
+        }
+        self.add_posterior(&sure, |class| out.scores[class], &scratch.shares, &mut out.posterior);
+        let of_size = expectation.map(Expectation::of_size);
+        self.refine_modes(&view, &sure, of_size, scratch, &out.posterior)?;
+        self.weigh_evidence(scratch, out);
+        self.settle(&view, 0, scratch, clock, out);
+        Ok(())
+    }
 
+    /// Answers an object where it is expected, if what is seen agrees: the forest names its class no less than others, one of its modes is
+    /// climbed, and the evidence there is as good as it was. Gives whether it does; else nothing is answered.
+    ///
+    /// The densities of the view are computed near the expectation alone. Of the other classes nothing is known then but what was known before
+    /// and what the forest says, so their densities count as that of the expected class: they say nothing for or against any.
+    fn follow(
+        &self,
+        view: &SeenObject<'_>,
+        expectation: &Expectation,
+        scratch: &mut CameraScratch,
+        clock: &mut Clock,
+        out: &mut Scored,
+    ) -> Result<bool, PerceiveError> {
+        let ExpectedPlacement { class, component, frames_since_search, log_evidence_per_voxel, .. } = expectation.answered;
+        let best_share = scratch.shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let is_named = log_share(&scratch.shares, class) >= best_share - FOLLOWED.share_falls_nats;
+        if frames_since_search >= FOLLOWED.most_frames || !is_named || self.query.pose == PoseSearch::Known {
+            return Ok(false);
+        }
+        let sure = self.score_view(view, Some((component, expectation.parameters[0])), scratch)?;
+        clock.projected();
+        self.add_samples(view, &sure, scratch, out);
+        let score = log_sum_exp(out.samples.iter().map(|sample| sample.log_density)) / sure.pose_weight;
+        self.add_posterior(&sure, |_| score, &scratch.shares, &mut out.posterior);
+        let is_answered = most_probable(&out.posterior) == class && score.is_finite();
+        if is_answered {
+            self.refine_modes(view, &sure, Some(*expectation), scratch, &out.posterior)?;
+        }
+        let agrees = is_answered
+            && scratch.modes.first().is_some_and(|mode| {
+                let fit = mode.log_evidence / view.known_voxels();
+                fit >= log_evidence_per_voxel - FOLLOWED.fit_falls
+            });
+        if !agrees {
+            out.samples.clear();
+            out.posterior.clear();
+            return Ok(false);
+        }
+        out.scores.extend((0..self.wanted.len()).map(|other| if other == class { score } else { f64::NEG_INFINITY }));
+        self.settle(view, frames_since_search + 1, scratch, clock, out);
+        Ok(true)
+    }
+
+    /// What is expected of an object that was answered before, in the view's frame.
+    fn expectation(&self, view: &SeenObject<'_>) -> Option<Expectation> {
+        let answered = self.query.expected.as_ref().filter(|expected| self.wanted.get(expected.class) == Some(&true))?;
+        let (scores, _) = self.cameras.filter(|_| self.is_by_density())?;
+        let component = scores.components().get(answered.component)?;
+        let is_possible = component.class == answered.class && (!view.told.upright || component.is_upright());
+        is_possible.then(|| Expectation::new(answered, view.frame, &component.rotation())).flatten()
+    }
+
+    /// Weighted rotations of the cells, whose values are set.
+    fn add_samples(&self, view: &SeenObject<'_>, sure: &Sureness<'_>, scratch: &mut CameraScratch, out: &mut Scored) {
+        let query = self.query;
         let prior = query.rotation_prior.log_density(query.pose);
         let span = match query.pose {
             PoseSearch::Yaw { span } => span,
             _ => TAU,
         };
-        out.samples.extend(scratch.view.cells.iter().filter_map(|cell| {
-            let angle = (frame.azimuth + cell.yaw()).rem_euclid(TAU);
+        let CameraScratch { view: ViewWork { cells, .. }, values, .. } = scratch;
+        values.clear();
+        for cell in cells.iter() {
+            let angle = (view.frame.azimuth + cell.yaw()).rem_euclid(TAU);
             let rotation = if query.pose == PoseSearch::Known { Rotation::identity() } else { yaw(angle) * cell.resting };
             let allowed = query.pose == PoseSearch::Known || span > TAU - 1e-9 || angle < span;
             let log_density = cell.log_weight(sure.pose_weight) + prior(&rotation);
-            allowed.then_some(Sample { rotation, class: cell.class, log_density, share: 1.0 / YAWS as f64 })
-        }));
-        for class in 0..self.wanted.len() {
-            let of_class = out.samples.iter().filter(|sample| sample.class == class).map(|sample| sample.log_density);
-            let score = log_sum_exp(of_class) / sure.pose_weight;
-            out.scores.push(score);
-            out.posterior.push(sure.blend.log_posterior(
-                class,
-                sure.of_class(score, log_share(&scratch.shares, class)),
-                query.log_prior(class),
-            ));
+            values.push(log_density);
+            if allowed {
+                out.samples.push(Sample { rotation, class: cell.class, log_density, share: 1.0 / YAWS as f64 });
+            }
         }
-        softmax(&mut out.posterior);
-        let log_prior = |angle: f64, resting: &Rotation| match query.pose {
-            PoseSearch::Known => 0.0,
-            _ => prior(&(yaw(frame.azimuth + angle) * resting)),
-        };
-        let poses = PoseDensity { weight: sure.pose_weight, log_prior: &log_prior };
-        self.refine_modes(seen, &frame, &told, &poses, scratch, &out.posterior)?;
-        self.weigh_evidence(scratch, out);
-        if query.is_cut {
-            cut::temper(&mut out.posterior, |class| query.log_prior(class));
+    }
+
+    /// P(s) of each class by its score, the forest and the prior.
+    fn add_posterior(&self, sure: &Sureness<'_>, score: impl Fn(usize) -> f64, shares: &[f64], posterior: &mut Vec<f64>) {
+        posterior.extend((0..self.wanted.len()).map(|class| {
+            let scores = sure.of_class(score(class), log_share(shares, class));
+            sure.blend.log_posterior(class, scores, self.query.log_prior(class))
+        }));
+        softmax(posterior);
+    }
+
+    /// The answer: how the object of the most probable class lies, and how it is to be expected in the next frame.
+    fn settle(&self, view: &SeenObject<'_>, frames_since_search: u32, scratch: &CameraScratch, clock: &mut Clock, out: &mut Scored) {
+        if self.query.is_cut {
+            cut::temper(&mut out.posterior, |class| self.query.log_prior(class));
         }
         clock.classified();
         let class = most_probable(&out.posterior);
-        let answered = scratch.modes.iter().find(|mode| mode.cell.class == class);
-        out.placement = answered.map(|mode| self.placement(&frame, mode));
-        out.resting_pose = answered.filter(|_| !told.upright).map(|mode| mode.cell.component);
-        Ok(())
+        let Some(answered) = scratch.modes.iter().find(|mode| mode.cell.class == class) else { return };
+        let (placed, object_box) = self.placement(view.frame, answered);
+        out.placement = Some((placed, object_box));
+        out.resting_pose = (!view.told.upright).then_some(answered.cell.component);
+        let searched = self.query.pose != PoseSearch::Known && self.query.scale != ScaleSearch::Known && self.is_by_density();
+        out.expected = searched.then(|| {
+            let deviations = &answered.refined.deviations;
+            let place = (deviations[2..].iter().map(|deviation| deviation.powi(2)).sum::<f64>() / 3.0).sqrt();
+            ExpectedPlacement {
+                class,
+                component: answered.cell.component,
+                placed,
+                log_scale_deviation: deviations[1],
+                place_deviation_voxels: place * view.frame.unit,
+                seen_side_voxels: SEEN * view.frame.unit,
+                log_evidence_per_voxel: answered.log_evidence / view.known_voxels(),
+                frames_since_search,
+            }
+        });
+    }
+
+    /// Whether classes are scored by densities of what cameras see.
+    fn is_by_density(&self) -> bool {
+        self.cameras.is_some() && self.query.camera.is_some() && matches!(self.query.method, Method::Auto | Method::Hull)
     }
 
     /// Whether the forest has a say: it names what cameras see, by the default method.
@@ -310,16 +279,16 @@ impl CameraSearch<'_> {
         }
     }
 
-    /// Scores classes and steps of yaw into `scratch.view.cells`.
+    /// Scores classes and steps of yaw into `scratch.view.cells`; by densities, of `only` a component near a yaw if it is given.
     fn score_view(
         &self,
-        seen: &Observation,
-        frame: &ViewFrame,
-        told: &KnownPlacement,
+        view: &SeenObject<'_>,
+        only: Option<(usize, f64)>,
         scratch: &mut CameraScratch,
     ) -> Result<Sureness<'_>, PerceiveError> {
-        if let (Some((scores, calibration)), Method::Auto | Method::Hull, Some(_)) = (self.cameras, self.query.method, self.query.camera) {
-            scores.score(frame, seen, told, self.wanted, &mut scratch.view);
+        let SeenObject { seen, frame, told } = view;
+        if let Some((scores, calibration)) = self.cameras.filter(|_| self.is_by_density()) {
+            scores.score(frame, seen, told, self.wanted, only, &mut scratch.view);
             if let (Some(weight), Some(voxel_m)) = (calibration.size_weight, self.query.voxel_size_m) {
                 for cell in &mut scratch.view.cells {
                     let size = scores.components()[cell.component].size;
@@ -332,7 +301,7 @@ impl CameraSearch<'_> {
         let blend = self.evidence_blend;
         let (evidence, pool) = (self.evidence, &scratch.evidence);
         let (angles, count) = steps(told);
-        let expected = self.expectation(told);
+        let expected = self.expected_offsets(told);
         let classes = || (0..self.wanted.len()).filter(|class| self.wanted[*class]);
         let cells = &mut scratch.view.cells;
         cells.clear();
@@ -384,7 +353,7 @@ impl CameraSearch<'_> {
     }
 
     /// Offsets that are expected where no density says them.
-    fn expectation(&self, told: &KnownPlacement) -> [f64; OFFSETS] {
+    fn expected_offsets(&self, told: &KnownPlacement) -> [f64; OFFSETS] {
         let longest = self.longest_side as f64;
         let scale = told.scale.unwrap_or(SEEN / (CAMERA.visible_share * longest));
         // The hidden part is behind what is seen.
@@ -397,14 +366,19 @@ impl CameraSearch<'_> {
     /// first.
     fn refine_modes(
         &self,
-        seen: &Observation,
-        frame: &ViewFrame,
-        told: &KnownPlacement,
-        poses: &PoseDensity<'_>,
+        view: &SeenObject<'_>,
+        sure: &Sureness<'_>,
+        expectation: Option<Expectation>,
         scratch: &mut CameraScratch,
         posterior: &[f64],
     ) -> Result<(), PerceiveError> {
-        let CameraScratch { view, refining, codes, order, merging, likely, starts, climbed, modes, .. } = scratch;
+        let SeenObject { seen, frame, told } = view;
+        let prior = self.query.rotation_prior.log_density(self.query.pose);
+        let log_prior = |angle: f64, resting: &Rotation| match self.query.pose {
+            PoseSearch::Known => 0.0,
+            _ => prior(&(yaw(frame.azimuth + angle) * resting)),
+        };
+        let CameraScratch { view: work, values, refining, codes, order, merging, likely, starts, climbed, modes, .. } = scratch;
         // Where all is told there is nothing to refine, and a class costs no more than its evidence.
         let (least, most) = match told {
             KnownPlacement { yaw: Some(_), scale: Some(_), place: Some(_), .. } => (CAMERA.least_likely_of_known, posterior.len()),
@@ -418,13 +392,13 @@ impl CameraSearch<'_> {
         for (place, class) in likely.iter().enumerate() {
             // The most probable class is looked at more closely.
             let most = if place == 0 { CAMERA.most_modes } else { 1 };
-            best_cells(*class, poses, &view.cells, most, order, merging, starts);
+            best_cells(*class, &work.cells, values, most, order, merging, starts);
         }
         let weight = self.evidence_blend.evidence.max(1e-9);
         let evidence = self.evidence;
         codes.set(seen, self.query.outside);
-        let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told, seen, codes };
-        let prior_of = |cell: &Cell, at: &Parameters| cell.log_weight(poses.weight) + (poses.log_prior)(at[0], &cell.resting);
+        let refiner = ModeRefiner { evidence, weight, outside: self.query.outside, frame, told, expectation, seen, codes };
+        let prior_of = |cell: &Cell, at: &Parameters| cell.log_weight(sure.pose_weight) + log_prior(at[0], &cell.resting);
         modes.clear();
         let scratch = refining.get_or_insert_with(|| ModeRefinerScratch::new(evidence.dims()));
         climbed.clear();
@@ -472,11 +446,11 @@ fn position_deviation(frame: &ViewFrame, refined: &RefinedPlacement, spread: &Ca
     [mixed(cos, sin), mixed(sin, cos), dz]
 }
 
-/// The likely modes of a class among its cells, apart from each other, the best first; they are added to `starts`.
+/// The likely modes of a class among its cells, which have these log densities, apart from each other, the best first; they are added to `starts`.
 fn best_cells(
     class: usize,
-    poses: &PoseDensity<'_>,
     cells: &[Cell],
+    values: &[f64],
     most: usize,
     order: &mut Vec<usize>,
     merging: &mut Merging,
@@ -484,7 +458,7 @@ fn best_cells(
 ) {
     order.clear();
     order.extend((0..cells.len()).filter(|i| cells[*i].class == class && cells[*i].score.is_finite()));
-    let value = |i: usize| poses.of(&cells[i]);
+    let value = |i: usize| values[i];
     let place = |i: usize| (cells[i].component, cells[i].step);
     order.sort_unstable_by(|a, b| value(*b).total_cmp(&value(*a)).then(place(*a).cmp(&place(*b))));
     merging.start(order.len());
@@ -507,22 +481,6 @@ fn steps(told: &KnownPlacement) -> ([f64; YAWS], usize) {
     }
 }
 
-/// Where the search of a cell begins: what is told has no deviation.
-fn start(cell: &Cell, told: &KnownPlacement) -> PlacementPrior {
-    let (place, scale) = (cell.place(), cell.scale());
-    let mut start = PlacementPrior {
-        expected: [cell.yaw(), scale.ln(), place.x, place.y, place.z],
-        deviations: std::array::from_fn(|axis| cell.deviations[axis]),
-    };
-    let told = [told.yaw, told.scale.map(f64::ln), told.place.map(|p| p.x), told.place.map(|p| p.y), told.place.map(|p| p.z)];
-    for (axis, value) in told.into_iter().enumerate() {
-        if let Some(value) = value {
-            (start.expected[axis], start.deviations[axis]) = (value, 0.0);
-        }
-    }
-    start
-}
-
 #[cfg(test)]
 pub(super) mod tests_support {
     use crate::grid::Observation;
@@ -540,7 +498,7 @@ pub(super) mod tests_support {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{Turn, yaw_of};
+    use crate::grid::{Outside, Turn, yaw_of};
     use crate::perception::Percept;
     use crate::perception::pose::small::{seeing_perceiver, unseen};
     use crate::simulation::{self, Eye};
@@ -644,27 +602,6 @@ mod tests {
         let without = Query { method: Method::Evidence, ..query(0.3, PoseSearch::YAW, SEARCH) };
         let found = ask(&seen, &without);
         assert!(found.placed.scale.ln().abs() < 0.25 && found.placed.translation_voxels.norm() < 3.0, "{:?}", found.placed);
-    }
-
-    #[test]
-    fn what_is_told_is_not_searched() {
-        let cell = Cell {
-            class: 0,
-            component: 0,
-            resting: Rotation::identity(),
-            log_prior: 0.0,
-            step: 6,
-            score: 0.0,
-            offsets: [0.1, -0.2, 1.0, 2.0, 3.0, 9.0, 9.0, 9.0],
-            deviations: [0.5; OFFSETS],
-        };
-        let free = start(&cell, &KnownPlacement::default());
-        assert!((free.expected[0] - (CameraDensities::yaw(6) + 0.1)).abs() < 1e-12);
-        let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
-        assert!(same(&free.expected[1..], &[-0.2, 1.0, 2.0, 3.0]) && free.deviations == [0.5; 5]);
-        let told = KnownPlacement { yaw: Some(1.0), scale: Some(1.0), ..KnownPlacement::default() };
-        let some = start(&cell, &told);
-        assert_eq!((some.expected, some.deviations), ([1.0, 0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.5, 0.5, 0.5]));
     }
 
     #[test]

@@ -5,11 +5,15 @@
 //! | `view_frame` | the frame in which views are compared |
 //! | `scores` | log densities of a view for each class and step of yaw, and where the object then lies |
 //! | `measures` | lengths, widths and surfaces of a view, at the grid's full resolution |
+//! | `expectation` | what is expected of an object that was answered in the frame before |
 //! | `refinement` | size, place and yaw refined by the evidence, coarse to fine |
+//! | `mode_refiner` | the same of one mode, with the voxels of lattices |
 //! | `camera_search` | class, yaw, size and place by these |
 
 pub(crate) mod camera_search;
+mod expectation;
 mod measures;
+pub(crate) mod mode_refiner;
 mod refinement;
 mod scores;
 mod view_frame;

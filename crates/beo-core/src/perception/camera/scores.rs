@@ -178,8 +178,16 @@ impl CameraScores {
         4 * CELLS * size
     }
 
-    /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`.
-    pub fn score(&self, frame: &ViewFrame, observation: &Observation, told: &KnownPlacement, wanted: &[bool], work: &mut ViewWork) {
+    /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`; of `only`, if it is given, a component near a yaw.
+    pub fn score(
+        &self,
+        frame: &ViewFrame,
+        observation: &Observation,
+        told: &KnownPlacement,
+        wanted: &[bool],
+        only: Option<(usize, f64)>,
+        work: &mut ViewWork,
+    ) {
         let ViewWork { shadow, features, gaussian, centred, regression, cells, .. } = work;
         self.features.of(frame, observation, shadow, features);
         let (densities, p, m) = (&self.densities, self.densities.size, self.densities.components.len());
@@ -191,12 +199,17 @@ impl CameraScores {
         cells.clear();
         let elevations = densities.beside(frame.elevation);
         for step in 0..YAWS {
-            let rest = told.yaw.map(|yaw| wrapped(yaw - CameraDensities::yaw(step)));
-            if rest.is_some_and(|rest| rest.abs() > REACH * TAU / YAWS as f64) {
+            let from_step = |yaw: f64| wrapped(yaw - CameraDensities::yaw(step));
+            let rest = told.yaw.map(from_step);
+            let near = [rest, only.map(|(_, yaw)| from_step(yaw))];
+            if near.into_iter().flatten().any(|rest| rest.abs() > REACH * TAU / YAWS as f64) {
                 continue;
             }
-            let is_wanted = |component: &Component| wanted[component.class] && (!told.upright || component.is_upright());
-            for (component, of) in densities.components.iter().enumerate().filter(|(_, of)| is_wanted(of)) {
+            let is_wanted = |place: usize, component: &Component| {
+                let is_asked = only.is_none_or(|(only, _)| only == place);
+                is_asked && wanted[component.class] && (!told.upright || component.is_upright())
+            };
+            for (component, of) in densities.components.iter().enumerate().filter(|(place, of)| is_wanted(*place, of)) {
                 let mut cell = Cell {
                     class: of.class,
                     component,
@@ -348,7 +361,7 @@ mod tests {
         let all = KnownPlacement { upright: false, yaw: Some(1.4), scale: Some(scale), place: Some(place) };
         for told in [KnownPlacement::default(), KnownPlacement { scale: Some(scale), ..KnownPlacement::default() }, all] {
             let mut work = ViewWork::default();
-            scores.score(&frame, &observation, &told, &vec![true; m], &mut work);
+            scores.score(&frame, &observation, &told, &vec![true; m], None, &mut work);
             assert!(!work.cells.is_empty() && (told.yaw.is_some() || work.cells.len() == m * YAWS));
             for cell in &work.cells {
                 let rest = told.yaw.map(|yaw| wrapped(yaw - CameraDensities::yaw(cell.step)));

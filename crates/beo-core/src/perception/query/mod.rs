@@ -1,10 +1,12 @@
 //! A query about one observation: the estimator, and knowledge of class, pose, size and place.
 
+mod expected;
 mod method;
 mod paper;
 mod pose_search;
 mod rotation_prior;
 
+pub use expected::ExpectedPlacement;
 pub use method::Method;
 pub use paper::{PaperPose, Projection};
 pub use pose_search::PoseSearch;
@@ -45,6 +47,8 @@ pub struct Query {
     pub pose: PoseSearch,
     /// P(r) over the rotations that are searched.
     pub rotation_prior: RotationPrior,
+    /// How an object that was answered before is to be expected, before a camera.
+    pub expected: Option<ExpectedPlacement>,
     /// Content of the space outside the grid: it enters when the observation is turned.
     pub outside: Outside,
     /// From where the object was seen; `None`: found out from the observation.
@@ -80,12 +84,27 @@ impl Query {
         log_prior.clone_from(&other.log_prior);
         rotation_prior.set(&other.rotation_prior);
         let Self {
-            method, pose, outside, view, camera, scale, lying, is_cut, voxel_size_m, completion, frame, projection, paper_pose, ..
+            method,
+            pose,
+            expected,
+            outside,
+            view,
+            camera,
+            scale,
+            lying,
+            is_cut,
+            voxel_size_m,
+            completion,
+            frame,
+            projection,
+            paper_pose,
+            ..
         } = *other;
         *self = Self {
             method,
             pose,
             rotation_prior,
+            expected,
             outside,
             view,
             camera,

@@ -58,6 +58,12 @@ impl RotationPrior {
         Self::mixture(std::iter::once((percept.rotation_object_to_grid, COMMITMENT)).chain(others), FRAME_CONCENTRATION, FRAME_FLOOR)
     }
 
+    /// The same density of rotations that are followed by `rotation`, as for a grid in which this one is turned so.
+    pub fn turned(&self, rotation: &Rotation) -> Self {
+        let components = self.components.iter().map(|(centre, weight)| (rotation * centre, *weight)).collect();
+        Self { components, ..*self }
+    }
+
     /// Whether it is the same everywhere.
     pub fn is_uniform(&self) -> bool {
         self.components.is_empty() || self.concentration == 0.0
@@ -77,7 +83,8 @@ impl RotationPrior {
                 return 0.0;
             }
             let peaks = self.components.iter().map(|(centre, weight)| {
-                let log = self.concentration * (centre.angle_to(rotation).cos() - 1.0) - scale;
+                // cos θ = 2 q² − 1, q the product of the quaternions.
+                let log = 2.0 * self.concentration * (centre.coords.dot(&rotation.coords).powi(2) - 1.0) - scale;
                 weight * log.exp()
             });
             (self.floor + (1.0 - self.floor) * peaks.sum::<f64>()).max(f64::MIN_POSITIVE).ln()

@@ -123,7 +123,7 @@ pub fn questions(perceiver: &Perceiver, objects: &[Object], search: Search) -> R
         }
         if search.is_tracking() {
             perceiver.classify(&seen(yaw(-TRACKED_TURN_RAD) * rotation), &query, &mut work, &mut percept)?;
-            query.rotation_prior = RotationPrior::continuing(&percept);
+            (query.rotation_prior, query.expected) = (RotationPrior::continuing(&percept), percept.expected);
         }
         let observation = if search == Search::Known { View::Top.of(&object.shape) } else { seen(rotation) };
         Ok(Question { observation, query, class: object.class })
