@@ -1,12 +1,13 @@
 //! One observation in, percept and completion out.
 
 use super::asked::ask;
-use super::belief::{ClassBelief, NoneBelief};
 use super::streams::Waiting;
 use super::tracks::{Answered, Tracks};
 use beo_core::grid::{Observation, Rotation, from_xyzw, to_xyzw};
 use beo_core::model::Model;
-use beo_core::perception::{self, Classified, CompletionFrame, Method, PerceiveError, Perceiver, Query, Workspace};
+use beo_core::perception::{
+    self, ClassBelief, Classified, CompletionFrame, Method, NoneBelief, PerceiveError, Perceiver, Query, Workspace,
+};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::tasks;
 use beo_ipc::text::to_field;

@@ -4,7 +4,6 @@
 //! | --- | --- |
 //! | `streams` | observations that wait, the newest of each stream, by turns |
 //! | `tracks` | what is believed of each object after its last answer |
-//! | `belief` | the class of an object that is seen in several frames |
 //! | `asked` | what a header asks for |
 //! | `answer` | one observation in, percept and completion out |
 //! | `bus_errors` | shared memory that a peer cuts while it is mapped |
@@ -17,7 +16,6 @@
 
 mod answer;
 mod asked;
-mod belief;
 mod bus_errors;
 mod daemon;
 mod error;

@@ -1,8 +1,7 @@
 //! What is remembered of each object after its last answer, for observations that continue it.
 
-use super::belief::{ClassBelief, NoneBelief};
 use beo_core::grid::from_xyzw;
-use beo_core::perception::{ExpectedPlacement, Percept, PoseSearch, Query, RotationPrior};
+use beo_core::perception::{ClassBelief, ExpectedPlacement, NoneBelief, Percept, PoseSearch, Query, RotationPrior};
 use beo_ipc::ObservationHeader;
 use nalgebra::Vector3;
 use std::collections::HashMap;

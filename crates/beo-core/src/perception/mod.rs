@@ -12,12 +12,14 @@
 //! | | `paper` | the paper's estimators |
 //! | | `cut` | what a part says of an object that is cut off |
 //! | decide | `decision` | the most probable class, hypotheses, how the object lies |
+//! | over time | `belief` | class and none of an object that is seen in several frames |
 //! | complete | `completion` | probability and deviation of every voxel |
 //!
 //! They build on `densities` (Gaussians, blends of scores, sums in log space), `evidence` (a class conditioned on the known voxels), `basis` (W' by
 //! tables or in place), `views` (densities of views from above), `search` (tools of all searches) and `kernels` (arithmetic). `prepared` is a model with what is derived from it.
 
 pub(crate) mod basis;
+mod belief;
 pub(crate) mod camera;
 pub mod completion;
 mod cut;
@@ -48,6 +50,7 @@ pub use basis::projection::ColumnSums;
 pub use basis::reading::BasisRows;
 pub use basis::shared_rows::SharedRows;
 pub use basis::shared_sums::SharedSums;
+pub use belief::{ClassBelief, NoneBelief};
 pub use completion::{LEAST_SHARE, MOST_PARTS};
 pub use densities::gaussian::Gaussian;
 pub use error::PerceiveError;

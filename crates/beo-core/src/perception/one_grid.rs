@@ -89,8 +89,17 @@ impl OneGrid {
         self.score(query, work)?;
         decide(query, &work.scored, &mut work.modes, percept);
         if query.pose != PoseSearch::Known || percept.placed != Similarity::default() {
-            work.frame.take_moved(rows, &work.seen, &percept.placed, query.outside)?;
-            work.posteriors.forget();
+            let OneGridScratch { seen, scored, frame, posteriors, camera, .. } = work;
+            posteriors.forget();
+            let class = percept.class;
+            let is_at_hand =
+                scored.placement.is_some() && camera.exchange(class, &percept.placed, frame, &mut posteriors.conditionals[class]);
+            if is_at_hand {
+                posteriors.computed[class] = true;
+                percept.log_evidence[class] = posteriors.conditionals[class].log_evidence;
+            } else {
+                frame.take_moved(rows, seen, &percept.placed, query.outside)?;
+            }
         }
         Ok(())
     }

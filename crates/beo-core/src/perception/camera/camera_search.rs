@@ -13,8 +13,9 @@ use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, OFFS
 use crate::perception::cut;
 use crate::perception::densities::blend::ClassScores;
 use crate::perception::densities::log_sum::{log_sum_exp, most_probable, softmax};
+use crate::perception::evidence::conditional::Conditional;
 use crate::perception::evidence::lattice::Codes;
-use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
+use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch, ObjectFrame};
 use crate::perception::pool::Pool;
 use crate::perception::scored::Sample;
 use crate::perception::scored::{ClassMask, MODE_RADIUS, Scored};
@@ -47,6 +48,13 @@ pub struct CameraScratch {
     /// Logarithms of the classes' shares by the forest; empty where none was asked.
     shares: Vec<f64>,
     weighed: Vec<f64>,
+}
+
+impl CameraScratch {
+    /// Hands over the observation as the answered object of a class lies in it, and the class's posterior, if they were computed last.
+    pub fn exchange(&mut self, class: usize, placed: &Similarity, frame: &mut ObjectFrame, conditional: &mut Conditional) -> bool {
+        self.refining.as_mut().is_some_and(|scratch| scratch.exchange(class, placed, frame, conditional))
+    }
 }
 
 /// Logarithm of a class's share by the forest; the same for all where none was asked.
@@ -163,8 +171,8 @@ impl CameraSearch<'_> {
         }
         let agrees = is_answered
             && scratch.modes.first().is_some_and(|mode| {
-                let fit = mode.log_evidence / view.known_voxels();
-                fit >= log_evidence_per_voxel - FOLLOWED.fit_falls
+                let falls = log_evidence_per_voxel * view.known_voxels() - mode.log_evidence;
+                self.evidence_blend.evidence * falls <= FOLLOWED.fit_falls_nats
             });
         if !agrees {
             out.samples.clear();
@@ -401,11 +409,13 @@ impl CameraSearch<'_> {
         let prior_of = |cell: &Cell, at: &Parameters| cell.log_weight(sure.pose_weight) + log_prior(at[0], &cell.resting);
         modes.clear();
         let scratch = refining.get_or_insert_with(|| ModeRefinerScratch::new(evidence.dims()));
+        scratch.start();
         climbed.clear();
         for cell in &*starts {
             climbed.push(refiner.climb(cell, scratch)?);
         }
-        for class in &*likely {
+        // The most probable class last: what is computed of it there serves its completion.
+        for class in likely.iter().rev() {
             let value = |of: &Climbed| of.value + prior_of(&of.cell, &of.parameters);
             let of_class = climbed.iter().filter(|climbed| climbed.cell.class == *class);
             let best = of_class.reduce(|best, next| if value(next) > value(best) { next } else { best });
@@ -413,6 +423,7 @@ impl CameraSearch<'_> {
                 modes.push(refiner.settle(best, scratch)?);
             }
         }
+        modes.reverse();
         Ok(())
     }
 

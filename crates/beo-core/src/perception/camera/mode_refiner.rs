@@ -5,8 +5,9 @@ use super::refinement::Parameters;
 use super::{Cell, KnownPlacement, PlacementPrior, RefinedPlacement, ViewFrame};
 use crate::grid::{Dims, Observation, Outside, Similarity};
 use crate::perception::PerceiveError;
+use crate::perception::evidence::conditional::Conditional;
 use crate::perception::evidence::lattice::Codes;
-use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
+use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch, ObjectFrame};
 use crate::perception::evidence::thinned::{Detail, ThinnedEvidence, ThinnedScratch};
 use nalgebra::Vector3;
 
@@ -45,12 +46,28 @@ pub struct ModeRefiner<'a> {
 pub struct ModeRefinerScratch {
     all: EvidenceScratch,
     thinned: ThinnedScratch,
+    /// The class that was settled last, and how.
+    settled: Option<(usize, Similarity)>,
 }
 
 impl ModeRefinerScratch {
     /// Room for observations of one size.
     pub fn new(dims: Dims) -> Self {
-        Self { all: EvidenceScratch::new(dims), thinned: ThinnedScratch::default() }
+        Self { all: EvidenceScratch::new(dims), thinned: ThinnedScratch::default(), settled: None }
+    }
+
+    /// Nothing is settled yet.
+    pub fn start(&mut self) {
+        self.settled = None;
+    }
+
+    /// Hands over what was placed and conditioned last, if that was this class, and it lay so: completion does not compute it again.
+    pub fn exchange(&mut self, class: usize, placed: &Similarity, frame: &mut ObjectFrame, conditional: &mut Conditional) -> bool {
+        let is_it = self.settled.take() == Some((class, *placed));
+        if is_it {
+            self.all.exchange(frame, conditional);
+        }
+        is_it
     }
 }
 
@@ -89,6 +106,7 @@ impl ModeRefiner<'_> {
             }
         };
         let log_evidence = self.of_all(cell, &refined.parameters, &mut scratch.all)?;
+        scratch.settled = Some((cell.class, self.placed(cell, &refined.parameters)));
         refined.value = self.weight * log_evidence + start.log_density(&refined.parameters);
         Ok(PlacedClass { cell: *cell, refined, log_evidence })
     }

@@ -81,6 +81,12 @@ impl EvidenceScratch {
         &self.conditional
     }
 
+    /// Hands over the observation as it was placed last, and the posterior of the class that was scored last; takes the others' memory for them.
+    pub fn exchange(&mut self, frame: &mut ObjectFrame, conditional: &mut Conditional) {
+        std::mem::swap(&mut self.frame, frame);
+        std::mem::swap(&mut self.conditional, conditional);
+    }
+
     /// The observation in the frame in which it was placed last.
     #[cfg(test)]
     pub fn frame(&self) -> &ObjectFrame {

@@ -3,7 +3,7 @@
 use crate::evaluation::rotations::draw_rotation;
 use beo_core::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
 use beo_core::model::Model;
-use beo_core::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query, RotationPrior, ScaleSearch};
+use beo_core::perception::{ClassBelief, PerceiveError, Perceiver, Percept, PoseSearch, Query, RotationPrior, ScaleSearch};
 use beo_core::simulation::{self, Eye};
 use beo_shapes::furniture;
 use serde::{Deserialize, Serialize};
@@ -124,6 +124,9 @@ pub fn questions(perceiver: &Perceiver, objects: &[Object], search: Search) -> R
         if search.is_tracking() {
             perceiver.classify(&seen(yaw(-TRACKED_TURN_RAD) * rotation), &query, &mut work, &mut percept)?;
             (query.rotation_prior, query.expected) = (RotationPrior::continuing(&percept), percept.expected);
+            if search.is_camera() {
+                ClassBelief::first(&percept.posterior).log_prior(&mut query.log_prior);
+            }
         }
         let observation = if search == Search::Known { View::Top.of(&object.shape) } else { seen(rotation) };
         Ok(Question { observation, query, class: object.class })

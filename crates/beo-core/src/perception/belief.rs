@@ -11,7 +11,7 @@
 //! Perception is asked with the log prior ln b'(s) / τ; it answers p(s) ∝ b'(s)^(1/τ) L(s), and p(s)^τ is the new belief. The class, pose and
 //! completion that perception answers are thus those of the filtered class, and unlikely classes are not searched again in each frame.
 
-use beo_core::model::MOST_CLASSES;
+use crate::model::MOST_CLASSES;
 
 /// Probability that the object was exchanged between two frames.
 const EXCHANGED: f64 = 0.02;
