@@ -59,10 +59,17 @@ fn seen_by_cameras(perceiver: &Perceiver) -> Vec<(Observation, Query)> {
 fn a_query_of_what_a_camera_sees_allocates_nothing_once_warm() {
     let perceiver = perceiver();
     let seen = seen_by_cameras(&perceiver);
-    for scale in [ScaleSearch::Known, ScaleSearch::Search { side: None }] {
+    for (scale, followed) in
+        [(ScaleSearch::Known, false), (ScaleSearch::Search { side: None }, false), (ScaleSearch::Search { side: None }, true)]
+    {
         let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
         let mut answer = |(observation, query): &(Observation, Query)| {
-            let query = Query { scale, ..query.clone() };
+            let mut query = Query { scale, ..query.clone() };
+            if followed {
+                // As of an object that was answered in the frame before.
+                perceiver.classify(observation, &query, &mut work, &mut percept).unwrap();
+                (query.rotation_prior, query.expected) = (RotationPrior::continuing(&percept), percept.expected);
+            }
             let counted = allocation_counter::measure(|| {
                 perceiver.classify(observation, &query, &mut work, &mut percept).unwrap().complete().unwrap();
             });
@@ -72,7 +79,7 @@ fn a_query_of_what_a_camera_sees_allocates_nothing_once_warm() {
             answer(seen);
         }
         for (number, seen) in seen.iter().enumerate() {
-            assert_eq!(answer(seen), (0, 0), "{scale:?}, observation {number}");
+            assert_eq!(answer(seen), (0, 0), "{scale:?}, followed: {followed}, observation {number}");
         }
     }
 }

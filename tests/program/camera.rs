@@ -146,12 +146,32 @@ fn of_a_sequence_the_class_of_an_object_is_filtered() {
         assert_eq!(code, Some(0), "{said}{errors}");
         percepts(&subscriber, 4).iter().map(|percept| (percept.object_id, percept.filtered)).collect::<Vec<_>>()
     };
-    let mut alone = play(&[]);
+    let mut alone = play(&["--track=none"]);
     alone.sort_unstable();
     assert_eq!(alone, [(1, 0), (1, 0), (2, 0), (2, 0)]);
-    let mut tracked = play(&["--track"]);
-    tracked.sort_unstable();
-    assert_eq!(tracked, [(1, 0), (1, 1), (2, 0), (2, 1)]);
+    for arguments in [&[][..], &["--track"], &["--track=place"], &["--track=label"]] {
+        let mut tracked = play(arguments);
+        tracked.sort_unstable();
+        assert_eq!(tracked, [(1, 0), (1, 1), (2, 0), (2, 1)], "{arguments:?}");
+    }
+    // Labels that change are no matter where the place tells, and mislead where they are what tells.
+    let exchanged: Vec<u8> = labels.iter().map(|label| if (1..=2).contains(label) { 3 - label } else { *label }).collect();
+    write(folder.path(), "b", &depth, &exchanged);
+    let classes = |arguments: &[&str]| {
+        let (code, said, errors) = beo_camera(folder.path(), &[&["--instance", &name], arguments].concat());
+        assert_eq!(code, Some(0), "{said}{errors}");
+        percepts(&subscriber, 4).iter().map(|percept| percept.filtered).sum::<u32>()
+    };
+    assert_eq!(classes(&[]), 2);
+    // Where the second frame has the objects elsewhere, nothing is continued.
+    let moved: Vec<u8> = labels.iter().map(|label| if *label == 1 { 7 } else { 0 }).collect();
+    write(folder.path(), "b", &depth, &moved);
+    let (code, said, errors) = beo_camera(folder.path(), &["--instance", &name, "--count", "3"]);
+    assert_eq!(code, Some(0), "{said}{errors}");
+    // Frames a, b, a: the first object is continued twice under another label; the second is new again.
+    let found: Vec<(u64, u32)> = percepts(&subscriber, 5).iter().map(|percept| (percept.object_id, percept.filtered)).collect();
+    let of = |object: u64| found.iter().filter(|(id, _)| *id == object).map(|(_, filtered)| *filtered).collect::<Vec<_>>();
+    assert_eq!((of(1), of(7), of(2)), (vec![0, 1], vec![1], vec![0, 0]));
 }
 
 /// A grid that was written, and its frame in the world, with the camera where it was.

@@ -85,6 +85,7 @@ impl OneGrid {
             return Err(PerceiveError::KnownPoseOnly);
         }
         let rows = &self.prepared.evidence.rows;
+        work.camera.take_back(&mut work.frame);
         work.frame.take_as_it_came(rows, &work.seen)?;
         self.score(query, work)?;
         decide(query, &work.scored, &mut work.modes, percept);
@@ -92,8 +93,7 @@ impl OneGrid {
             let OneGridScratch { seen, scored, frame, posteriors, camera, .. } = work;
             posteriors.forget();
             let class = percept.class;
-            let is_at_hand =
-                scored.placement.is_some() && camera.exchange(class, &percept.placed, frame, &mut posteriors.conditionals[class]);
+            let is_at_hand = scored.placement.is_some() && camera.lend(class, &percept.placed, frame, &mut posteriors.conditionals[class]);
             if is_at_hand {
                 posteriors.computed[class] = true;
                 percept.log_evidence[class] = posteriors.conditionals[class].log_evidence;

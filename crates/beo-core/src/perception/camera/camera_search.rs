@@ -51,9 +51,17 @@ pub struct CameraScratch {
 }
 
 impl CameraScratch {
-    /// Hands over the observation as the answered object of a class lies in it, and the class's posterior, if they were computed last.
-    pub fn exchange(&mut self, class: usize, placed: &Similarity, frame: &mut ObjectFrame, conditional: &mut Conditional) -> bool {
-        self.refining.as_mut().is_some_and(|scratch| scratch.exchange(class, placed, frame, conditional))
+    /// Hands over the observation as the answered object of a class lies in it, and the class's posterior, if they were computed last. The frame is
+    /// to be given back by [`Self::take_back`].
+    pub fn lend(&mut self, class: usize, placed: &Similarity, frame: &mut ObjectFrame, conditional: &mut Conditional) -> bool {
+        self.refining.as_mut().is_some_and(|scratch| scratch.lend(class, placed, frame, conditional))
+    }
+
+    /// Takes back a frame that was lent.
+    pub fn take_back(&mut self, frame: &mut ObjectFrame) {
+        if let Some(scratch) = &mut self.refining {
+            scratch.take_back(frame);
+        }
     }
 }
 
@@ -595,6 +603,75 @@ mod tests {
         let [part, whole] = [part, whole].map(|percept| percept.object_box.unwrap());
         let deviations = |of: &ObjectBox| [of.extent_deviation_voxels, of.position_deviation_voxels].concat();
         assert!(deviations(&part).iter().zip(deviations(&whole)).all(|(part, whole)| *part > whole + 1e-3));
+    }
+
+    /// As a daemon asks about the next frame of an object that was answered so.
+    fn next(query: &Query, answered: &Percept) -> Query {
+        let rotation_prior = crate::perception::RotationPrior::continuing(answered);
+        let mut next = Query { rotation_prior, expected: answered.expected, ..query.clone() };
+        crate::perception::ClassBelief::first(&answered.posterior).log_prior(&mut next.log_prior);
+        next
+    }
+
+    #[test]
+    fn an_object_is_followed_where_it_is_expected_and_searched_everywhere_after_some_frames() {
+        let mut followed = 0;
+        for (seed, name) in ["chair", "sofa", "table"].into_iter().cycle().take(12).enumerate() {
+            let (seed, azimuth) = (seed as u64, 0.7 * seed as f64);
+            let alone = query(azimuth, PoseSearch::YAW, SEARCH);
+            let first = ask(&simulation::observe(&unseen(name, seed), &eye(azimuth)), &alone);
+            assert_eq!(first.expected.unwrap().frames_since_search, 0);
+            // The object turns by three degrees a frame.
+            let mut before = first.clone();
+            for frame in 1..=FOLLOWED.most_frames + 1 {
+                let turned = Turn::new(unseen(name, seed).dims(), &yaw(0.05 * f64::from(frame))).occupancy(&unseen(name, seed));
+                let now = ask(&simulation::observe(&turned, &eye(azimuth)), &next(&alone, &before));
+                let expected = now.expected.unwrap();
+                assert!(expected.frames_since_search <= FOLLOWED.most_frames);
+                assert_eq!(now.class, first.class, "{name} {seed}, frame {frame}");
+                assert!((now.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+                if expected.frames_since_search > 0 {
+                    followed += 1;
+                    let apart = now.rotation_object_to_grid.angle_to(&before.rotation_object_to_grid).to_degrees();
+                    // On the branch of a symmetric shape on which it was.
+                    assert!(apart < 45.0, "{name} {seed}, frame {frame}: {apart} degrees");
+                }
+                before = now;
+            }
+        }
+        assert!(followed > 80, "{followed} of 120 frames");
+    }
+
+    #[test]
+    fn an_object_that_is_exchanged_is_searched_everywhere() {
+        let alone = query(0.4, PoseSearch::YAW, SEARCH);
+        let seen = |name: &str, seed: u64| simulation::observe(&unseen(name, seed), &eye(0.4));
+        let (mut noticed, mut right) = (0, 0);
+        for (class, name) in seeing_perceiver().model().class_names().enumerate() {
+            for (other, next_name) in seeing_perceiver().model().class_names().enumerate().filter(|(other, _)| *other != class) {
+                for seed in 0..4 {
+                    let before = ask(&seen(name, seed), &alone);
+                    let now = ask(&seen(next_name, seed), &Query { log_prior: Vec::new(), ..next(&alone, &before) });
+                    noticed += usize::from(now.expected.is_none_or(|expected| expected.frames_since_search == 0));
+                    right += usize::from(now.class == other);
+                }
+            }
+        }
+        assert!(noticed >= 20 && right >= 18, "of 24 {noticed} noticed, {right} named");
+    }
+
+    /// What was conditioned in the search is what completion would compute anew.
+    #[test]
+    fn the_completion_of_a_followed_object_is_that_of_its_class_conditioned_anew() {
+        let perceiver = seeing_perceiver();
+        let seen = simulation::observe(&unseen("sofa", 3), &eye(0.4));
+        let asked = query(0.4, PoseSearch::YAW, SEARCH);
+        let answer = ask(&seen, &asked);
+        let mut frame = ObjectFrame::new(seen.dims());
+        let (evidence, mut conditional) = (perceiver.evidence(), Conditional::new(0));
+        frame.take_moved(&evidence.rows, &seen, &answer.placed, Outside::Unknown).unwrap();
+        evidence.subspaces[answer.class].condition(frame.known(), evidence.noise_variance, &mut conditional).unwrap();
+        assert_eq!(answer.log_evidence[answer.class], conditional.log_evidence);
     }
 
     #[test]

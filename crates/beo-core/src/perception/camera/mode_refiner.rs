@@ -48,12 +48,14 @@ pub struct ModeRefinerScratch {
     thinned: ThinnedScratch,
     /// The class that was settled last, and how.
     settled: Option<(usize, Similarity)>,
+    /// The frame of `all` is lent, and another in its place.
+    is_lent: bool,
 }
 
 impl ModeRefinerScratch {
     /// Room for observations of one size.
     pub fn new(dims: Dims) -> Self {
-        Self { all: EvidenceScratch::new(dims), thinned: ThinnedScratch::default(), settled: None }
+        Self { all: EvidenceScratch::new(dims), thinned: ThinnedScratch::default(), settled: None, is_lent: false }
     }
 
     /// Nothing is settled yet.
@@ -61,13 +63,23 @@ impl ModeRefinerScratch {
         self.settled = None;
     }
 
-    /// Hands over what was placed and conditioned last, if that was this class, and it lay so: completion does not compute it again.
-    pub fn exchange(&mut self, class: usize, placed: &Similarity, frame: &mut ObjectFrame, conditional: &mut Conditional) -> bool {
-        let is_it = self.settled.take() == Some((class, *placed));
+    /// Hands over what was placed and conditioned last, if that was this class, and it lay so: completion does not compute it again. The frame
+    /// is to be given back by [`Self::take_back`].
+    pub fn lend(&mut self, class: usize, placed: &Similarity, frame: &mut ObjectFrame, conditional: &mut Conditional) -> bool {
+        let is_it = !self.is_lent && self.settled.take() == Some((class, *placed));
         if is_it {
-            self.all.exchange(frame, conditional);
+            self.all.exchange(frame);
+            conditional.set(self.all.conditional());
+            self.is_lent = true;
         }
         is_it
+    }
+
+    /// Takes back the frame that was lent, so that each has the memory that its own use has warmed.
+    pub fn take_back(&mut self, frame: &mut ObjectFrame) {
+        if std::mem::take(&mut self.is_lent) {
+            self.all.exchange(frame);
+        }
     }
 }
 

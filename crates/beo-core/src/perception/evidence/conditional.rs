@@ -84,6 +84,15 @@ impl Conditional {
         self.factor.resize(size * size, 0.0);
     }
 
+    /// Becomes the posterior of `other`, up to what [`ClassSubspace::prepare`](super::subspace::ClassSubspace::prepare) derives of it, in the memory
+    /// that this one has.
+    pub(in crate::perception) fn set(&mut self, other: &Self) {
+        self.make_room(other.coefficients.len());
+        (self.log_evidence, self.log_background, self.distance2) = (other.log_evidence, other.log_background, other.distance2);
+        self.coefficients.clone_from(&other.coefficients);
+        self.factor.clone_from(&other.factor);
+    }
+
     /// THE log evidence of an observation: log p(known voxels | class) less that of a background without a class.
     ///
     /// The background is noise of the same variance about zero. A known empty voxel far from the object, of which moving the observation adds or

@@ -81,10 +81,9 @@ impl EvidenceScratch {
         &self.conditional
     }
 
-    /// Hands over the observation as it was placed last, and the posterior of the class that was scored last; takes the others' memory for them.
-    pub fn exchange(&mut self, frame: &mut ObjectFrame, conditional: &mut Conditional) {
+    /// Exchanges the observation as it was placed last for another frame.
+    pub fn exchange(&mut self, frame: &mut ObjectFrame) {
         std::mem::swap(&mut self.frame, frame);
-        std::mem::swap(&mut self.conditional, conditional);
     }
 
     /// The observation in the frame in which it was placed last.
