@@ -1,10 +1,12 @@
 //! Models learned in memory from made-up shapes.
 
 use super::shapes;
-use beo_core::grid::{Dims, Observation, View};
+use beo_core::grid::{Dims, Observation, Turn, View, yaw};
 use beo_core::learning::{Shape, ShapeSet};
 use beo_core::learning::{TrainError, TrainOptions, train};
 use beo_core::model::Model;
+use beo_core::simulation::{self, Eye};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// The sizes that a model is made of.
@@ -61,6 +63,28 @@ impl Recipe {
     pub fn learn_from(&self, shapes: &ShapeSet) -> Result<Model, TrainError> {
         let options = TrainOptions { basis_range: [self.basis, self.basis], folds: 2, ..TrainOptions::default() };
         train(shapes, &options, &|_| ())
+    }
+
+    /// Learns it with densities of what cameras see.
+    pub fn learn_cameras(&self) -> Result<Model, TrainError> {
+        let options = TrainOptions {
+            basis_range: [self.basis, self.basis],
+            folds: 2,
+            camera_elevations_deg: vec![20.0, 45.0, 70.0],
+            ..TrainOptions::default()
+        };
+        train(&self.shapes(), &options, &|_| ())
+    }
+
+    /// What a camera at thirty degrees sees of shapes that the model has not learned from, turned about the vertical, and where it is in voxels
+    /// from the grid's centre.
+    pub fn camera_observations(&self, count: usize) -> (Vec<Observation>, Vector3<f64>) {
+        let eye = Eye { azimuth: 0.0, elevation: std::f64::consts::PI / 6.0, distance: 4.0 * self.resolution as f64 };
+        let seen = |i: usize| {
+            let object = shapes::make(self.dims(), i % self.classes, 1_000_000 + i as u64);
+            simulation::observe(&Turn::new(self.dims(), &yaw(0.7 * i as f64)).occupancy(&object), &eye)
+        };
+        ((0..count).into_par_iter().map(seen).collect(), eye.position())
     }
 
     /// Views from above of shapes that the model has not learned from, one class after the other.

@@ -1,13 +1,17 @@
 //! The queries of one case, timed stage by stage.
 
-use beo_core::grid::Observation;
-use beo_core::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query, Workspace};
+use beo_core::grid::{Observation, Outside};
+use beo_core::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query, ScaleSearch, Workspace};
+use nalgebra::Vector3;
 use rayon::ThreadPool;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Stages of a query whose times are told apart.
 pub const STAGES: [&str; 3] = ["class", "completion", "yaw"];
+
+/// Stages of a query about what a camera sees.
+pub const CAMERA_STAGES: [&str; 2] = ["class, yaw, size and place", "completion"];
 
 /// A model that is asked.
 pub struct Asked {
@@ -18,6 +22,8 @@ pub struct Asked {
     /// A completion as messages have it.
     bytes: [Vec<u8>; 2],
     next: usize,
+    /// Where the camera was, if one saw them.
+    camera: Option<Vector3<f64>>,
     /// Where it computes; `None` for the threads that all share.
     threads: Option<ThreadPool>,
 }
@@ -32,8 +38,35 @@ impl Asked {
             percept: Percept::default(),
             bytes: Default::default(),
             next: 0,
+            camera: None,
             threads,
         }
+    }
+
+    /// Asks about what a camera there saw.
+    pub fn seen_from(self, camera: Vector3<f64>) -> Self {
+        Self { camera: Some(camera), ..self }
+    }
+
+    /// Microseconds of each of [`CAMERA_STAGES`], for the next observation, on one thread.
+    pub fn once_by_camera(&mut self) -> Result<Vec<f64>, PerceiveError> {
+        let Self { perceiver, observations, work, percept, next, bytes, camera, .. } = self;
+        let observation = &observations[*next];
+        *next = (*next + 1) % observations.len();
+        let [occupancy, deviation] = bytes;
+        [&mut *occupancy, &mut *deviation].into_iter().for_each(|bytes| bytes.resize(observation.dims().voxels(), 0));
+        let query = Query {
+            camera: *camera,
+            pose: PoseSearch::YAW,
+            scale: ScaleSearch::Search { side: None },
+            outside: Outside::Unknown,
+            ..Query::default()
+        };
+        let start = Instant::now();
+        let answer = perceiver.classify(observation, &query, work, percept)?;
+        let classified = Instant::now();
+        answer.complete_into(occupancy, deviation)?;
+        Ok(vec![microseconds(start, classified), microseconds(classified, Instant::now())])
     }
 
     /// Microseconds of the first two of [`STAGES`], for the next observation; the completion as bytes.

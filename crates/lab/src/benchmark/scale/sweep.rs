@@ -37,6 +37,10 @@ pub enum Sweep {
     Threads,
     /// Subscribers of percepts and completions
     Subscribers,
+    /// Number of classes, of what a camera sees: yaw, size and place unknown
+    CameraClasses,
+    /// Voxels along the side of the grid, of what a camera sees
+    CameraResolution,
 }
 
 /// How thoroughly a series is measured.
@@ -87,6 +91,8 @@ impl Scale {
             Sweep::Shapes => self.shapes(if quick { &[5, 8] } else { &[4, 20, 80, 200, 798] }),
             Sweep::Unknown => self.unknown(if quick { &[0.2, 0.6] } else { &[0.05, 0.1, 0.2, 0.4, 0.6] }),
             Sweep::Threads => self.threads(),
+            Sweep::CameraClasses => self.camera_classes(if quick { &[2, 3] } else { &[7, 14, 28, 55] }),
+            Sweep::CameraResolution => self.camera_resolution(if quick { &[12, 16] } else { &[30, 40, 50, 64] }),
             Sweep::Subscribers => self.subscribers(if quick { &[1, 2] } else { &[1, 2, 4, 8, 16] }),
         }
     }
@@ -117,6 +123,45 @@ impl Scale {
                    all threads, and poses are searched on 32³ and refined on the larger";
         let cases = sizes.iter().map(|&resolution| Recipe { resolution, ..recipe }.asked(|_| resolution as f64));
         self.queries("voxels along a side", setting, why, [3.0; 3], cases)
+    }
+
+    fn camera_classes(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
+        let recipe = Recipe { basis: if self.quick { 5 } else { 10 }, ..self.effort.recipe };
+        let why =
+            "densities of the view are computed for every class and step of yaw; of at most three classes modes are refined, and completed";
+        let cases = sizes.iter().map(|&classes| Recipe { classes, ..recipe }.asked_by_camera(classes as f64));
+        self.camera_queries(
+            "classes before a camera",
+            format!("{} components of each class, {}", recipe.basis, recipe.dims()),
+            why,
+            [1.0, 0.0],
+            cases,
+        )
+    }
+
+    fn camera_resolution(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
+        let recipe = Recipe { classes: if self.quick { 2 } else { 7 }, basis: if self.quick { 5 } else { 10 }, ..self.effort.recipe };
+        let why = "the view's frame and the lattices on which modes are refined keep their sizes; reading, the last evidence of a mode and the \
+                   completion take all voxels";
+        let cases = sizes.iter().map(|&resolution| Recipe { resolution, ..recipe }.asked_by_camera(resolution as f64));
+        let setting = format!("{} classes, {} components of each", recipe.classes, recipe.basis);
+        self.camera_queries("voxels along a side before a camera", setting, why, [3.0; 2], cases)
+    }
+
+    /// A series with the lines of [`queries::CAMERA_STAGES`].
+    fn camera_queries(
+        &self,
+        name: &str,
+        setting: String,
+        why: &str,
+        expected: [f64; 2],
+        cases: impl Iterator<Item = Result<(f64, Asked), ScaleError>>,
+    ) -> Result<Series, ScaleError> {
+        let (sizes, mut cases): (Vec<f64>, Vec<Asked>) = cases.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let medians = in_turns(&mut cases, Asked::once_by_camera, self.effort.time)?;
+        let lines = queries::CAMERA_STAGES.iter().zip(expected).enumerate();
+        let lines = lines.map(|(stage, (name, expected))| Line::new(name, expected, points(&sizes, &medians, stage))).collect();
+        Ok(Series { name: name.into(), setting, why: why.into(), lines })
     }
 
     fn training(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
@@ -238,6 +283,15 @@ impl Recipe {
         let perceiver = Perceiver::new(Arc::new(model))?;
         let count = if perceiver.model().levels().is_empty() { OBSERVATIONS } else { FEW_OBSERVATIONS };
         Ok((size, Asked::new(Arc::new(perceiver), self.observations(count), None)))
+    }
+}
+
+impl Recipe {
+    /// A case of this model with cameras, of this size.
+    fn asked_by_camera(self, size: f64) -> Result<(f64, Asked), ScaleError> {
+        let perceiver = Perceiver::new(Arc::new(self.learn_cameras()?))?;
+        let (observations, eye) = self.camera_observations(OBSERVATIONS);
+        Ok((size, Asked::new(Arc::new(perceiver), observations, None).seen_from(eye)))
     }
 }
 
