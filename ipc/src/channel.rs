@@ -8,6 +8,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::port::{DegradationAction, DegradationCause, DegradationInfo};
 use iceoryx2::prelude::{
     AllocationStrategy, AttributeSet, AttributeSpecifier, CallbackProgression, IceoryxSend, MessagingPattern, Node, PortFactory as _,
     Service as _, ZeroCopySend,
@@ -330,6 +331,13 @@ pub(crate) fn create_listener(service: &event::PortFactory<Ipc>) -> Result<Liste
     })
 }
 
+/// Says that a peer's memory cannot be mapped, as where an address limit is reached: it is out of reach until it joins anew, all others are
+/// not.
+fn warn_of_unconnected(_: DegradationCause, _: &DegradationInfo) -> DegradationAction {
+    tracing::warn!("a peer cannot be connected, and is out of reach until it joins anew: is there memory left, and are there descriptors?");
+    DegradationAction::Warn
+}
+
 /// A reader with the whole buffer and the whole history of the service.
 pub(crate) fn create_reader<Payload, Header>(
     service: &publish_subscribe::PortFactory<Ipc, Payload, Header>,
@@ -339,7 +347,7 @@ where
     Header: Debug + ZeroCopySend,
 {
     let name = service.name().as_str();
-    service.subscriber_builder().create().map_err(|error| match error {
+    service.subscriber_builder().set_degradation_handler(warn_of_unconnected).create().map_err(|error| match error {
         SubscriberCreateError::ExceedsMaxSupportedSubscribers => OpenError::Full { service: name.to_owned(), role: "reader" },
         error => failed(name, error),
     })
@@ -371,6 +379,7 @@ where
         // All chunks can be loaned at once, to touch them.
         .max_loaned_samples(chunks)
         .override_sample_preallocation(move |_| chunks)
+        .set_degradation_handler(warn_of_unconnected)
         .create()
         .map_err(|error| publisher_error(name, error))?;
     let mut touched = Vec::with_capacity(chunks);
@@ -396,6 +405,7 @@ where
         .publisher_builder()
         .max_loaned_samples(chunks)
         .override_sample_preallocation(move |_| chunks)
+        .set_degradation_handler(warn_of_unconnected)
         .create()
         .map_err(|error| publisher_error(name, error))?;
     let mut touched = Vec::with_capacity(chunks);

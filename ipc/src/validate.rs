@@ -424,8 +424,12 @@ mod tests {
         let mut header = ObservationHeader::new(DIMS);
         (header.share_support, header.share_edge, header.share_far) = (1.0, 0.0, 0.5);
         (header.surface_deviation_m, header.unit, header.cut) = (0.002, Unit::Metres.code(), cut::ALL);
-        // Not read, as no side is known.
+        // Not read, as no side is known, or no size is searched.
         header.known_side_deviation_m = f32::NAN;
+        assert_eq!(validate(&header, LEN), Ok(LEN));
+        header.scale_search = ScaleSearch::Search.code();
+        assert_eq!(validate(&header, LEN), Ok(LEN));
+        (header.scale_search, header.known_side_m) = (ScaleSearch::Known.code(), 0.1);
         assert_eq!(validate(&header, LEN), Ok(LEN));
     }
 

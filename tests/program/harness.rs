@@ -148,10 +148,19 @@ pub fn shape(folder: &Path, class: &str, seed: u64) -> PathBuf {
 
 /// A folder of made-up shapes, DIR/<class>/train/*.
 pub fn library(root: &Path) {
-    for class in furniture::CLASSES {
+    shapes_of(root, &furniture::CLASSES, SHAPES);
+}
+
+/// As [`library`], of three classes with few shapes each: for trainings of which not the model matters but what becomes of it.
+pub fn small_library(root: &Path) {
+    shapes_of(root, &furniture::CLASSES[..3], 6);
+}
+
+fn shapes_of(root: &Path, classes: &[&str], count: u64) {
+    for class in classes {
         let folder = root.join(class).join("train");
         std::fs::create_dir_all(&folder).unwrap();
-        (0..SHAPES).for_each(|seed| drop(shape(&folder, class, seed)));
+        (0..count).for_each(|seed| drop(shape(&folder, class, seed)));
     }
 }
 

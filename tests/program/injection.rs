@@ -4,10 +4,14 @@
 //! here; where there is no C compiler, that is said.
 
 use crate::client::{Client, block};
-use crate::harness::{beo, instance, library, model, serve_with, text};
+use crate::harness::{PATIENCE, Running, beo, instance, model, serve, serve_with, small_library, text};
+use beo_ipc::Percept;
+use rustix::process::Signal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
 
 const LIBRARY: &str = r#"
 #define _GNU_SOURCE
@@ -18,6 +22,7 @@ const LIBRARY: &str = r#"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -62,6 +67,27 @@ int fsync(int fd) {
     int (*next)(int) = dlsym(RTLD_NEXT, "fsync");
     return next(fd);
 }
+
+void *mmap(void *start, size_t length, int rights, int flags, int fd, off_t at) {
+    char path[4096];
+    if (fd >= 0 && is_due("mmap", path_of(fd, path, sizeof path))) { errno = ENOMEM; return MAP_FAILED; }
+    void *(*next)(void *, size_t, int, int, int, off_t) = dlsym(RTLD_NEXT, "mmap");
+    return next(start, length, rights, flags, fd, at);
+}
+
+/* Allocations of a page or more, of no file in particular. Not through dlsym, which allocates. */
+extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_realloc(void *, size_t);
+
+static int has_no_memory(size_t size) {
+    const char *folder = size < 4096 ? NULL : getenv("FAULT_FOLDER");
+    if (!folder || !is_due("malloc", folder)) return 0;
+    errno = ENOMEM;
+    return 1;
+}
+
+void *malloc(size_t size) { return has_no_memory(size) ? NULL : __libc_malloc(size); }
+void *calloc(size_t count, size_t size) { return has_no_memory(count * size) ? NULL : __libc_calloc(count, size); }
+void *realloc(void *old, size_t size) { return has_no_memory(size) ? NULL : __libc_realloc(old, size); }
 
 int rename(const char *from, const char *to) {
     FAILS("rename", to, EIO);
@@ -139,7 +165,7 @@ fn is_told(call: &str, n: usize, output: &Output) {
 fn a_training_that_cannot_write_leaves_the_model_that_was_there() {
     let folder = tempfile::tempdir().unwrap();
     let shapes = folder.path().join("shapes");
-    library(&shapes);
+    small_library(&shapes);
     let models = folder.path().join("models");
     std::fs::create_dir(&models).unwrap();
     let out = models.join("a.safetensors");
@@ -239,4 +265,135 @@ fn a_reload_that_cannot_read_changes_nothing() {
         assert_eq!((after.status, after.posterior, after.model_id), (0, before.posterior, before.model_id));
         assert!(reload().status.success(), "the next is read");
     }
+}
+
+/// An allocation that fails ends the program with the allocator's message; the n-th, with n doubled each time, as there are thousands.
+fn each_allocation(folder: &Path, command: impl Fn() -> Command, check: impl Fn(usize, &Output)) -> usize {
+    let Some(library) = library_of_faults() else { return usize::MAX };
+    let marks = tempfile::tempdir().unwrap();
+    let mark = marks.path().join("failed");
+    let (mut n, mut count) = (1, 0);
+    loop {
+        let mut command = command();
+        failing(&mut command, "malloc", folder, n, &mark, library);
+        let output = command.output().unwrap();
+        if !mark.exists() {
+            assert!(output.status.success(), "malloc: {}", text(&output.stderr));
+            return count;
+        }
+        check(n, &output);
+        (n, count) = (2 * n, count + 1);
+    }
+}
+
+/// It went on without, or it said what it lacked, by itself or by its allocator, which ends it.
+#[track_caller]
+fn lacks_memory(n: usize, output: &Output) {
+    let message = text(&output.stderr);
+    let is_told = message.contains("memory") && !message.contains("panicked");
+    let is_end = output.status.code() == Some(1) || message.contains("memory allocation of");
+    assert!(output.status.success() || is_told && is_end, "allocation {n}: {:?} {message}", output.status);
+}
+
+#[test]
+fn memory_that_is_not_to_be_had_costs_no_model_and_gives_no_other_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let (shapes, models) = (folder.path().join("shapes"), folder.path().join("models"));
+    small_library(&shapes);
+    std::fs::create_dir(&models).unwrap();
+    let out = models.join("a.safetensors");
+    std::fs::copy(model(), &out).unwrap();
+    let before = std::fs::read(&out).unwrap();
+    let file = crate::harness::shape(folder.path(), "chair", 1);
+    let perceive = || beo(["perceive", file.to_str().unwrap(), "--model", out.to_str().unwrap(), "--threads", "1", "--json"]);
+    let answer = perceive().output().unwrap();
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    let count = each_allocation(&models, perceive, |n, output| {
+        lacks_memory(n, output);
+        assert!(output.stdout.is_empty() || is_same_answer(&output.stdout, &answer.stdout), "{n}: {}", text(&output.stdout));
+    });
+    assert!(count > 5, "{count} allocations");
+    let train = || {
+        let [shapes, out] = [&shapes, &out].map(|path| path.to_str().unwrap());
+        beo(["train", shapes, "--out", out, "--resolution", "16", "--most", "2", "--least", "2", "--threads", "1"])
+    };
+    let count = each_allocation(&models, train, |n, output| {
+        lacks_memory(n, output);
+        if std::fs::read(&out).unwrap() != before {
+            beo_core::model::verify(&out).unwrap();
+            assert!(output.status.success(), "allocation {n}: a model from a training that failed");
+            std::fs::write(&out, &before).unwrap();
+        }
+    });
+    assert!(count > 5, "{count} allocations");
+}
+
+/// But for how long it took.
+fn is_same_answer(one: &[u8], other: &[u8]) -> bool {
+    let of = |bytes: &[u8]| {
+        let answer: serde_json::Value = serde_json::from_slice(bytes).ok()?;
+        Some((answer.get("class")?.clone(), answer.get("posterior")?.clone()))
+    };
+    of(one).is_some() && of(one) == of(other)
+}
+
+/// The answer to the block from above. A client that is not heard joins anew, as often as it takes.
+fn sooner_or_later(name: &str) -> Percept {
+    let start = Instant::now();
+    loop {
+        let client = Client::new(name);
+        let asked = Instant::now();
+        while asked.elapsed() < Duration::from_millis(700) {
+            let (producer, _) = client.send(|_, voxels| block(voxels));
+            client.subscriber.wait(Duration::from_millis(100)).unwrap();
+            let mut percepts = std::iter::from_fn(|| client.subscriber.take_percept().unwrap());
+            if let Some(percept) = percepts.find(|percept| percept.producer_id == producer) {
+                return percept;
+            }
+        }
+        assert!(start.elapsed() < PATIENCE, "no answer");
+    }
+}
+
+/// Shared memory that cannot be mapped: at its start a daemon ends with a line; afterwards it is a client that is not heard, and the next is.
+#[test]
+fn a_daemon_that_cannot_map_says_so_or_answers_as_before() {
+    let Some(faults) = library_of_faults() else { return };
+    let expected = {
+        let name = instance();
+        let _daemon = serve(&name);
+        sooner_or_later(&name).posterior
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let mark = folder.path().join("failed");
+    let (mut ended, mut went_on, mut told) = (0, 0, 0);
+    for n in 1.. {
+        let name = instance();
+        let mut command = beo(["serve".as_ref(), "--instance".as_ref(), name.as_ref(), "--model".as_ref(), model().as_os_str()]);
+        failing(&mut command, "mmap", Path::new("/dev/shm"), n, &mark, faults);
+        let mut daemon = Running::start(command);
+        let said = daemon.stdout.as_ref().unwrap().recv_timeout(PATIENCE);
+        if said.is_err() {
+            let status = daemon.wait();
+            let messages: Vec<String> = daemon.stderr.take().iter().flat_map(Receiver::iter).collect();
+            assert!(mark.exists(), "{messages:?}");
+            assert_eq!(status.code(), Some(1), "mapping {n}: {messages:?}");
+            assert!(!messages.is_empty() && messages.iter().all(|line| !line.contains("panicked")), "mapping {n}: {messages:?}");
+            ended += 1;
+            continue;
+        }
+        let answered = [(); 2].map(|()| sooner_or_later(&name));
+        for percept in answered {
+            assert_eq!((percept.status, percept.posterior), (0, expected), "mapping {n}");
+        }
+        daemon.signal(Signal::TERM);
+        assert!(daemon.wait().success(), "mapping {n}");
+        let messages: Vec<String> = daemon.stderr.take().iter().flat_map(Receiver::iter).collect();
+        told += usize::from(messages.iter().any(|line| line.contains("out of reach")));
+        if !mark.exists() {
+            break;
+        }
+        went_on += 1;
+    }
+    assert!(ended > 0 && went_on > 0 && told > 0, "{ended} ended, {went_on} went on, {told} told of a client out of reach");
 }

@@ -4,7 +4,7 @@
 //! tests say that they are left out.
 
 use crate::client::{Client, block};
-use crate::harness::{RESOLUTION, instance, library, model, run, serve, serve_with, shape, text};
+use crate::harness::{RESOLUTION, instance, library, model, run, serve, serve_with, shape, small_library, text};
 use beo_core::model::Metadata;
 use beo_shapes::furniture;
 use rand::{RngExt, SeedableRng};
@@ -450,7 +450,7 @@ fn a_training_that_could_not_be_kept_does_not_begin() {
 fn a_training_replaces_its_result_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let shapes = folder.path().join("shapes");
-    library(&shapes);
+    small_library(&shapes);
     let [out, other] = ["a.safetensors", "a.partial"].map(|name| folder.path().join(name));
     std::fs::write(&other, "a file of someone's").unwrap();
     let train = |out: &Path| {

@@ -1,12 +1,12 @@
 //! Training by the program: what it reports, and that it always gives the same model.
 
-use crate::harness::{RESOLUTION, library, run, shape, text};
+use crate::harness::{RESOLUTION, library, run, shape, small_library, text};
 
 #[test]
 fn the_same_shapes_and_seed_give_the_same_file_whatever_the_threads() {
     let folder = tempfile::tempdir().unwrap();
     let shapes = folder.path().join("shapes");
-    library(&shapes);
+    small_library(&shapes);
     let train = |out: &str, threads: &str, seed: &str| {
         let out = folder.path().join(out);
         let (shapes, resolution) = (shapes.to_str().unwrap(), RESOLUTION.to_string());

@@ -1,6 +1,6 @@
 //! Views of cameras, from shapes to figures: `beo generate`, `train --views camera`, `eval --view camera`.
 
-use crate::harness::{run, text};
+use crate::harness::{run, small_library, text};
 use serde_json::Value;
 use std::path::Path;
 
@@ -33,11 +33,14 @@ fn cameras_are_learned_whatever_the_threads_and_evaluated_by_elevation_and_views
         shapes.as_os_str(),
     ]);
     assert!(made.status.success(), "{}", text(&made.stderr));
-    train(&shapes, &at("one.safetensors"), "1");
-    train(&shapes, &at("two.safetensors"), "2");
+    let few = at("few");
+    small_library(&few);
+    train(&few, &at("one.safetensors"), "1");
+    train(&few, &at("two.safetensors"), "2");
     assert!(std::fs::read(at("one.safetensors")).unwrap() == std::fs::read(at("two.safetensors")).unwrap(), "the models differ");
 
-    let model = at("one.safetensors");
+    let model = at("model.safetensors");
+    train(&shapes, &model, "2");
     let evaluate = |more: &[&str]| -> Value {
         let json = at("eval.json");
         let pictures = at("pictures");

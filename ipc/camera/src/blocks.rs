@@ -101,3 +101,65 @@ fn fit(sums: &[f64; 10], [x0, y0]: [f64; 2], origin: f64, sensor: &SensorModel, 
         weight,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Intrinsics;
+    use nalgebra::Vector2;
+
+    /// Every square of a slanted plane, with sides of 4 (all rows are read) and of 8 (every other row is).
+    #[test]
+    fn squares_of_a_plane_have_its_normal_and_their_mean_directions_place_on_it() {
+        let plane = Vector3::new(0.2, -0.3, 0.8);
+        let sensor = SensorModel::default();
+        for width in [320_u32, 640] {
+            let height = 10;
+            let camera = Intrinsics::new(width, height, [500.0; 2], [150.0, 3.0], [0.0; 5]).unwrap();
+            let rays = Rays::new(&camera);
+            let direction = |pixel: usize| Vector2::new(f64::from(rays.x()[pixel]), f64::from(rays.y()[pixel]));
+            let depth: Vec<f32> = (0..rays.x().len()).map(|pixel| (1.0 / plane.dot(&direction(pixel).push(1.0))) as f32).collect();
+            let found = flat_blocks(&rays, &depth, &sensor, |_| true);
+            let (width, height, side) = (width as usize, height as usize, side(width as usize));
+            assert_eq!(side, width / 80);
+            let step = if side == 8 { 2 } else { 1 };
+            // The last row of squares has two rows of pixels: half of a side of 4, too little of one of 8.
+            let rows = if side == 8 { 1 } else { 3 };
+            assert_eq!(found.len(), rows * 80);
+            for (place, block) in found.iter().enumerate() {
+                let (top, left) = (place / 80 * side, place % 80 * side);
+                let pixels: Vec<usize> =
+                    (top..(top + side).min(height)).step_by(step).flat_map(|v| (left..left + side).map(move |u| v * width + u)).collect();
+                let mean = pixels.iter().map(|pixel| direction(*pixel)).sum::<Vector2<f64>>() / pixels.len() as f64;
+                let z = 1.0 / plane.dot(&mean.push(1.0));
+                assert!((block.centre - mean.push(1.0) * z).norm() < 1e-4, "{place}: {block:?}");
+                assert!((block.normal + plane.normalize()).norm() < 2e-3, "{place}: {block:?}");
+                assert!(block.scatter < 0.01, "{place}: {block:?}");
+                let weight = (pixels.len() * step) as f64 * (sensor.deviation(1.0) / sensor.deviation(z)).powi(2);
+                assert!((block.weight / weight - 1.0).abs() < 1e-3, "{place}: {} {weight}", block.weight);
+            }
+        }
+    }
+
+    #[test]
+    fn squares_across_an_edge_without_readings_or_unwanted_are_none() {
+        let camera = Intrinsics::new(320, 8, [500.0; 2], [160.0, 4.0], [0.0; 5]).unwrap();
+        let rays = Rays::new(&camera);
+        let mut depth = vec![1.0_f32; 320 * 8];
+        // The first square has a step, the second 7 of 16 readings, the third 8.
+        for (v, u) in (0..4).flat_map(|v| (0..12).map(move |u| (v, u))) {
+            let pixel = v * 320 + u;
+            depth[pixel] = match u / 4 {
+                0 if u < 2 => 1.3,
+                1 if v * 4 + u - 4 >= 7 => 0.0,
+                2 if v >= 2 => 0.0,
+                _ => 1.0,
+            };
+        }
+        // Of the last square nothing is wanted.
+        let found = flat_blocks(&rays, &depth, &SensorModel::default(), |pixel| pixel % 320 < 316);
+        assert_eq!(found.len(), 2 * 80 - 2 - 2);
+        let first = found[0].centre.x * 500.0 + 160.0;
+        assert!((first - 9.5).abs() < 0.01, "{first}");
+    }
+}

@@ -392,3 +392,47 @@ impl Observer {
         grids
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scene::{TestScene, Thing};
+
+    #[test]
+    fn what_flies_takes_the_nearest_depth_around_it_and_nothing_from_afar() {
+        let (width, height) = (6, 5);
+        let at = |u: usize, v: usize| v * width + u;
+        for (u, v) in (0..height).flat_map(|v| (0..width).map(move |u| (u, v))) {
+            for (other, row) in (0..height).flat_map(|v| (0..width).map(move |u| (u, v))).filter(|place| *place != (u, v)) {
+                // One reading, and what flies at 9 m.
+                let mut depth = vec![0.0; width * height];
+                (depth[at(other, row)], depth[at(u, v)]) = (1.5, 9.0);
+                in_front_of_edges(&mut depth, width, &[at(u, v) as u32]);
+                let is_beside = u.abs_diff(other) <= 1 && v.abs_diff(row) <= 1;
+                assert_eq!(depth[at(u, v)], if is_beside { 1.5 } else { 0.0 }, "({u}, {v}) beside ({other}, {row})");
+            }
+        }
+        // Of two, the nearer; what flies too says nothing.
+        let mut depth = vec![1.5, 0.5, 9.0, 0.25];
+        in_front_of_edges(&mut depth, 4, &[1, 2]);
+        assert_eq!(depth, [1.5, 1.5, 0.25, 0.25]);
+    }
+
+    /// Of 25 readings of a flat side, half count: the deviation is that of the mean of 12.5.
+    #[test]
+    fn the_consensus_shrinks_all_of_a_sensors_deviation_alike() {
+        let scene = TestScene::new(&[Thing::Box([0.0, 0.5], [0.05, 0.05], 0.1)], 0.2);
+        let frame = Frame::new(scene.rays.intrinsics(), &scene.depth, &scene.labels).unwrap();
+        let found = lay_grids(frame, &GridOptions::new([64; 3]));
+        let observed = found.objects[0].grid.as_ref().unwrap();
+        let raw = SensorModel::default();
+        let left = observed.sensor.constant_m / raw.constant_m;
+        assert!((left - 12.5_f64.sqrt().recip()).abs() < 1e-9, "{left}");
+        assert!((observed.sensor.quadratic_per_m / raw.quadratic_per_m - left).abs() < 1e-9);
+        assert_eq!(observed.sensor.deviations, raw.deviations);
+        let depths = scene.pixels(&scene.labels, 1).into_iter().map(|pixel| f64::from(scene.depth[pixel as usize]));
+        let [low, high] = depths.fold([f64::INFINITY, 0.0], |[low, high], z| [low.min(z), high.max(z)]);
+        let deviation = observed.quality.surface_deviation_m / left;
+        assert!((raw.deviation(low)..raw.deviation(high)).contains(&deviation), "{deviation}");
+    }
+}

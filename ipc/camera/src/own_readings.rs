@@ -313,4 +313,66 @@ mod tests {
         assert!(foreign * 50 < all && lost * 10 < all, "{foreign} foreign, {lost} lost of {all}");
         assert!(found.share_far + found.share_edge + found.share_support > 0.05);
     }
+
+    /// A wall at 2 m with other depths in front of it, seen by the test scene's camera: rows `v` and columns `u` of each.
+    fn before_a_wall(things: &[(std::ops::Range<usize>, std::ops::Range<usize>, f32)]) -> TestScene {
+        let mut scene = TestScene::new(&[], 0.0);
+        let width = scene.rays.width();
+        scene.depth.iter_mut().enumerate().for_each(|(pixel, z)| {
+            let of = things.iter().find(|(v, u, _)| v.contains(&(pixel / width)) && u.contains(&(pixel % width)));
+            *z = of.map_or(2.0, |(.., z)| *z);
+        });
+        scene
+    }
+
+    fn scene<'a>(of: &'a TestScene, sensor: &'a SensorModel) -> Scene<'a> {
+        Scene { rays: &of.rays, depth: &of.depth, labels: &of.labels, sensor, joint: Joint::new(&of.rays, sensor) }
+    }
+
+    #[test]
+    fn what_is_nearer_than_both_ends_hides_one_surface() {
+        let sensor = SensorModel::default();
+        let ends = [95 * 320 + 100, 115 * 320 + 160];
+        let is_hidden = |between: f32| {
+            let seen = before_a_wall(&[(90..120, 101..160, between), (90..120, 90..170, 1.0)]);
+            is_hidden_between(&scene(&seen, &sensor), ends)
+        };
+        assert_eq!([0.8, 1.0, 1.2, 0.0].map(is_hidden), [true, false, false, false]);
+        // Four of five readings are enough, and three are not: the others show the surface itself.
+        let partly = |nearer: usize| {
+            let seen = before_a_wall(&[(100..101, 101..101 + nearer, 0.8), (90..120, 90..170, 1.0)]);
+            is_hidden_between(&scene(&seen, &sensor), [100 * 320 + 100, 100 * 320 + 151])
+        };
+        assert_eq!([39, 40, 41].map(partly), [false, true, true]);
+        // From 0.9 to 1.1 m: in the middle 0.95 m is nearer, at the near end it is not.
+        let slanted = |at: usize| {
+            let seen =
+                before_a_wall(&[(90..120, 100..101, 0.9), (90..120, 160..161, 1.1), (90..120, at..at + 1, 0.95), (90..120, 90..170, 0.0)]);
+            is_hidden_between(&scene(&seen, &sensor), [100 * 320 + 100, 100 * 320 + 160])
+        };
+        assert_eq!([105, 140].map(slanted), [false, true]);
+        let seen = before_a_wall(&[]);
+        assert!(is_hidden_between(&scene(&seen, &sensor), [100 * 320 + 100, 100 * 320 + 102]), "neighbours have nothing between them");
+    }
+
+    /// 40 rows of 3.45 mm at 1 m are 13.5 cm: a piece belongs to them that is nearer than half of that, 19 pixels from the column that is
+    /// sampled last, 9 from the edge.
+    #[test]
+    fn a_piece_belongs_to_the_largest_within_half_its_size_and_specks_do_not() {
+        let sensor = SensorModel::default();
+        let of = |gap: usize, pixels: usize| {
+            let seen = before_a_wall(&[(100..140, 100..140, 1.0), (100..110, 139 + gap..139 + gap + pixels / 10, 1.0)]);
+            let piece = |rows: std::ops::Range<u32>, columns: std::ops::Range<u32>| crate::joining::Piece {
+                pixels: rows.flat_map(|v| columns.clone().map(move |u| v * 320 + u)).collect(),
+            };
+            let first = 139 + gap as u32;
+            let pieces = [piece(100..140, 100..140), piece(100..110, first..first + pixels as u32 / 10)];
+            let (main, far) = main_pieces(&scene(&seen, &sensor), &pieces);
+            (main.len(), far)
+        };
+        assert_eq!(of(8, 100), (1700, 0));
+        assert_eq!(of(14, 100), (1600, 100));
+        assert_eq!(of(2, 10), (1600, 10), "one of a hundred is 16 pixels");
+        assert_eq!(of(2, 20), (1620, 0));
+    }
 }

@@ -384,4 +384,15 @@ mod tests {
             assert!(mean.abs() < 0.0004, "{mean} m, left: {is_left}");
         }
     }
+
+    #[test]
+    fn a_plane_reaches_as_far_as_its_own_squares_along_the_longest_axis() {
+        let at = |x: f64, y: f64, z: f64| Block { centre: Vector3::new(x, y, z), normal: -Vector3::z(), scatter: 0.0, weight: 1.0 };
+        let blocks = [at(0.1, 0.0, 1.0), at(5.0, 5.0, 5.0), at(-0.2, 0.25, 1.1), at(0.0, 0.6, 0.9)];
+        let plane = Plane::new(-Vector3::z_axis(), &Point3::new(0.0, 0.0, 1.0));
+        let found = |blocks: &[usize]| FoundPlane { plane, weight: 1.0, blocks: blocks.to_vec(), scatter: 0.0 };
+        assert!((extent(&blocks, &found(&[0, 2, 3])) - 0.6).abs() < 1e-12);
+        assert!((extent(&blocks, &found(&[0, 2])) - 0.3).abs() < 1e-12);
+        assert_eq!(extent(&blocks, &found(&[1])), 0.0);
+    }
 }

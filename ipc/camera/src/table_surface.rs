@@ -152,4 +152,25 @@ mod tests {
         empty.heights_of_row([rays.x(), rays.y(), &depth], &mut heights);
         assert!(heights.iter().all(|h| h.is_finite()) && empty.inside_by(&Vector3::zeros()) < 0.0);
     }
+
+    /// Horner's scheme beside the sum of all terms; beyond the square in which the table was seen, the bend is that of its edge, and it is never
+    /// more than sensors bend.
+    #[test]
+    fn the_bend_is_the_polynomial_within_what_was_seen_and_its_edge_beyond() {
+        let camera = Intrinsics::new(8, 8, [10.0; 2], [3.5; 2], [0.0; 5]).unwrap();
+        let plane = Plane::new(-nalgebra::Vector3::z_axis(), &Point3::new(0.0, 0.0, 1.0));
+        let mut table = TableSurface::new(&Rays::new(&camera), &[0.0; 64], &plane);
+        (table.middle, table.scale) = (Vector2::new(0.3, -0.2), 0.5);
+        table.bend = std::array::from_fn(|term| [0.3, -0.7, 1.1, 0.9, -1.3, 0.5, 1.7, -0.6, 0.8, -1.9][term] * 1e-3);
+        let place = |x: f32, y: f32| table.middle + Vector2::new(x, y) * table.scale;
+        for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 1.0), (0.4, -0.9), (-0.7, -0.3), (0.6, 0.5)] {
+            let bend = table.terms(&place(x, y)).dot(&SVector::from(table.bend));
+            let found = table.height_at(0.1, &place(x, y));
+            assert!((found - (0.1 - bend)).abs() < 1e-6, "({x}, {y}): {found}, {bend}");
+            let beyond = |v: f32| if v.abs() == 1.0 { 9.0 * v } else { v };
+            assert!((table.height_at(0.1, &place(beyond(x), beyond(y))) - found).abs() < 1e-6, "({x}, {y})");
+        }
+        table.bend[0] = -1.0;
+        assert!((table.height_at(0.1, &place(0.0, 0.0)) - (0.1 + MOST_BENT_M as f32)).abs() < 1e-6);
+    }
 }

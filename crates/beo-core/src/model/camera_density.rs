@@ -89,4 +89,27 @@ mod tests {
         assert_eq!((low, high), (1, 2));
         assert!((a - 0.75).abs() < 1e-12 && (b - 0.25).abs() < 1e-12);
     }
+
+    #[test]
+    fn gaussians_stand_by_elevation_then_yaw_then_component() {
+        let densities = CameraDensities {
+            elevations: vec![0.2, 0.6],
+            components: vec![],
+            size: 0,
+            basis: vec![],
+            means: vec![],
+            whitening: vec![],
+            offsets: vec![],
+            regression: vec![],
+            deviations: vec![],
+            forest: None,
+        };
+        let places = (0..2).flat_map(|e| (0..YAWS).flat_map(move |yaw| (0..5).map(move |component| (e, yaw, component))));
+        for (place, (elevation, yaw, component)) in places.enumerate() {
+            assert_eq!(densities.place(elevation, yaw, component, 5), place);
+        }
+        assert_eq!(densities.beside(0.2), [(0, 1.0), (0, 0.0)]);
+        assert_eq!(densities.beside(0.6), [(0, 0.0), (1, 1.0)]);
+        assert!((CameraDensities::yaw(6) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    }
 }

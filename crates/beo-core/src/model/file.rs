@@ -424,7 +424,9 @@ fn check_factors(file: &Opened, name: &str, factors: &[f16], size: usize) -> Res
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_models::{known_pose_only, searched_here, searched_on_levels};
     use super::*;
+    use safetensors::SafeTensors;
 
     #[test]
     fn symmetric_matrices_survive_packing() {
@@ -432,5 +434,210 @@ mod tests {
         let triangles = pack(&matrices, 3);
         assert_eq!(triangles, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 0.5, 0.25, 10.0]);
         assert_eq!(unpack(&triangles, 3), matrices);
+    }
+
+    fn small() -> Dims {
+        Dims::new(8, 9, 10).unwrap()
+    }
+
+    fn large() -> Dims {
+        Dims::new(66, 8, 9).unwrap()
+    }
+
+    #[track_caller]
+    fn assert_same(one: &Model, other: &Model) {
+        assert_eq!(one.metadata, other.metadata);
+        assert_eq!((one.basis.rank(), one.basis.values()), (other.basis.rank(), other.basis.values()));
+        assert_eq!(one.classes, other.classes);
+        assert_eq!(one.view_densities(), other.view_densities());
+        assert_eq!(one.camera_densities(), other.camera_densities());
+        assert_eq!(one.footprint(), other.footprint());
+        assert_eq!(one.levels().len(), other.levels().len());
+        one.levels().iter().zip(other.levels()).for_each(|(one, other)| assert_same(one, other));
+    }
+
+    #[test]
+    fn every_kind_of_model_is_read_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let models = [searched_here(small()), searched_on_levels(large()), known_pose_only(small()), known_pose_only(large())];
+        let mut ids = Vec::new();
+        for model in models {
+            save(&model, &path).unwrap();
+            let loaded = load(&path).unwrap();
+            assert_same(&model, &loaded);
+            assert_eq!(std::mem::discriminant(&model.searched), std::mem::discriminant(&loaded.searched));
+            ids.push(loaded.id);
+
+            let (bytes, outline) = (std::fs::read(&path).unwrap(), outline(&path).unwrap());
+            // Two classes with one view: four matrices of 3 × 3 single-precision values, twice.
+            assert_eq!((outline.file_bytes, outline.bytes()), (bytes.len() as u64, bytes.len() as u64 + 4 * 9 * 4 * 2));
+            assert_eq!((outline.rank, outline.basis_bytes), (3, 2 * 3 * model.dims().voxels() as u64));
+            assert_eq!(outline.levels.iter().map(|level| level.metadata.dims).collect::<Vec<_>>(), levels_in(&model.metadata));
+            assert!(!outline.is_mapped());
+            assert_eq!(outline.metadata, model.metadata);
+
+            let tensors = SafeTensors::deserialize(&bytes).unwrap();
+            let of_tensors = tensors.iter().map(|(_, tensor)| tensor.data().len()).sum();
+            assert_eq!(verify(&path).unwrap(), VerifyReport { tensors: tensors.len(), bytes: of_tensors });
+        }
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), 4, "each file has an identity");
+    }
+
+    #[test]
+    fn a_basis_is_mapped_from_its_limit_on_if_its_grid_is_too_large_to_be_searched() {
+        let outline = |dims, basis_bytes| {
+            let metadata = Metadata { dims, ..searched_here(small()).metadata };
+            Outline { metadata, rank: 3, file_bytes: 0, basis_bytes, levels: Vec::new() }.is_mapped()
+        };
+        let cases = [(large(), MAPPED_FROM - 1), (large(), MAPPED_FROM), (small(), MAPPED_FROM)].map(|(dims, bytes)| outline(dims, bytes));
+        assert_eq!(cases, [false, true, false]);
+        assert_eq!(MAPPED_FROM, 64 * 1024 * 1024);
+    }
+
+    /// Writes a model that `change` has spoiled, with the checksums of what it is then.
+    #[track_caller]
+    fn refused(model: &Model, change: impl FnOnce(&mut Model), parts: &[&str]) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let mut model = model.clone();
+        change(&mut model);
+        save(&model, &path).unwrap();
+        let message = load(&path).unwrap_err().to_string();
+        parts.iter().for_each(|part| assert!(message.contains(part), "`{part}` is not in: {message}"));
+    }
+
+    fn views(model: &mut Model) -> &mut ViewDensities {
+        let Searched::Here { views, .. } = &mut model.searched else { panic!("searched here") };
+        Arc::make_mut(views)
+    }
+
+    fn cameras(model: &mut Model) -> &mut CameraDensities {
+        let Searched::Here { cameras: Some(cameras), .. } = &mut model.searched else { panic!("searched before cameras") };
+        Arc::make_mut(cameras)
+    }
+
+    #[test]
+    fn values_out_of_their_range_are_refused_by_the_name_of_their_tensor() {
+        let model = searched_here(small());
+        for variance in [0.0, -1.0] {
+            refused(&model, |m| m.classes[1].variances[1] = variance, &["variance of a class"]);
+        }
+        refused(&model, |m| m.classes[1].variances[1] = f64::INFINITY, &["class_variances", "not a number", "3"]);
+        refused(&model, |m| m.classes[0].hulls[0].covariance[0] = f32::NAN, &["hull_top_covariance", "the first at 0"]);
+        // The last factor's last diagonal.
+        refused(&model, |m| *views(m).whitening.last_mut().unwrap() = f16::ZERO, &["view_whitening", "diagonal"]);
+        refused(&model, |m| views(m).whitening[0] = -f16::ONE, &["view_whitening", "diagonal"]);
+        refused(&model, |m| *cameras(m).whitening.last_mut().unwrap() = -f16::ONE, &["camera_whitening", "diagonal"]);
+        refused(&model, |m| cameras(m).offsets[3] = 1000.0, &["camera_offset", "out of range"]);
+        refused(&model, |m| cameras(m).offsets[3] = -1000.0, &["camera_offset", "out of range"]);
+        for deviation in [0.0, -1.0, 1000.0] {
+            refused(&model, |m| cameras(m).deviations[5] = deviation, &["camera_deviation", "out of range"]);
+        }
+        refused(&model, |m| cameras(m).forest.as_mut().unwrap().next[0] = 0, &["its forest", "not there"]);
+        // What is not on the diagonal may have any sign.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let mut signed = model.clone();
+        views(&mut signed).whitening[1] = -f16::ONE;
+        cameras(&mut signed).whitening[1] = -f16::ONE;
+        cameras(&mut signed).offsets[3] = -999.0;
+        save(&signed, &path).unwrap();
+        assert_same(&signed, &load(&path).unwrap());
+    }
+
+    /// Writes a model with one tensor of another shape and other bytes, and the checksums of what it is then.
+    fn with_tensor(model: &Model, name: &str, shape: &[usize], data: &[u8], path: &Path) {
+        let mut bytes = Vec::new();
+        write(model, &mut bytes).unwrap();
+        let (_, info) = SafeTensors::read_metadata(&bytes).unwrap();
+        let mut header: Header = serde_json::from_str(&info.metadata().as_ref().unwrap()[KEY]).unwrap();
+        header.checksums.insert(name.to_owned(), crc32fast::hash(data));
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let tensor = |(of, view): (&str, safetensors::tensor::TensorView<'_>)| {
+            let dtype = serde_json::from_value(serde_json::json!(view.dtype().to_string())).unwrap();
+            let (shape, start) = if of == name { (shape.to_vec(), None) } else { (view.shape().to_vec(), Some(view.data().to_vec())) };
+            (of.to_owned(), dtype, shape, start.unwrap_or_else(|| data.to_vec()))
+        };
+        let tensors: Vec<(String, Dtype, Vec<usize>, Vec<u8>)> = file.iter().map(tensor).collect();
+        let entry = |(name, dtype, shape, data): &(String, Dtype, Vec<usize>, Vec<u8>)| {
+            (name.clone(), (dtype.to_string(), shape.clone(), data.len()))
+        };
+        let table: Table = tensors.iter().map(entry).collect();
+        header.checksum = header_checksum(&header.metadata, &header.checksums, &table);
+        let tensors =
+            tensors.iter().map(|(name, dtype, shape, data)| (name.clone(), Tensor { dtype: *dtype, shape: shape.clone(), data })).collect();
+        let mut out = Vec::new();
+        container::write(tensors, [KEY, &serde_json::to_string(&header).unwrap()], &mut out).unwrap();
+        std::fs::write(path, out).unwrap();
+    }
+
+    #[test]
+    fn tensors_of_another_shape_are_refused_with_both() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let (model, cells) = (searched_here(small()), small().voxels());
+        let mut refused = |name: &str, shape: &[usize], bytes: usize, parts: &[&str]| {
+            with_tensor(&model, name, shape, &vec![0; bytes], &path);
+            let message = load(&path).unwrap_err().to_string();
+            parts.iter().for_each(|part| assert!(message.contains(part), "`{part}` is not in: {message}"));
+        };
+        let expected = format!("1 to {cells} were expected");
+        refused("view_basis", &[2, cells + 1], 4 * (cells + 1), &[&format!("{} columns", cells + 1), &expected]);
+        refused("view_basis", &[cells, 0], 0, &["`view_basis` has 0 columns", &expected]);
+        refused("view_basis", &[cells, cells], 2 * cells * cells, &["view_mean"]);
+        let expected = format!("1 to {CELLS} were expected");
+        refused("camera_basis", &[1, CELLS + 1], 2 * (CELLS + 1), &[&format!("{} columns", CELLS + 1), &expected]);
+        refused("camera_basis", &[CELLS, 0], 0, &["`camera_basis` has 0 columns", &expected]);
+        refused("camera_basis", &[1, CELLS], 2 * CELLS, &["camera_basis", &format!("[{CELLS}, {CELLS}]")]);
+        refused("basis", &[cells, 0], 0, &["no class or no basis"]);
+        refused("basis", &[cells - 1, 3], 6 * (cells - 1), &["`basis`", &format!("[{cells}, 3]")]);
+        refused("class_directions", &[5, 3], 60, &["class_directions", "[5, 3]", "[4, 3]"]);
+        refused("forest_threshold", &[5], 20, &["forest_threshold", "[5]", "[4]"]);
+    }
+
+    #[test]
+    fn levels_are_models_of_the_same_shapes_that_are_searched_themselves() {
+        let model = searched_on_levels(large());
+        let level = |m: &mut Model, change: &dyn Fn(&mut Model)| {
+            let Searched::OnLevels { levels, .. } = &mut m.searched else { panic!("searched on levels") };
+            change(&mut levels[1]);
+        };
+        refused(&model, |m| level(m, &|level| level.metadata.classes[0].name = "c".into()), &["level_64", "other shapes"]);
+        let unsearched = |m: &mut Model| level(m, &|level| *level = known_pose_only(level.dims()));
+        refused(&model, unsearched, &["smaller grids is not searched itself"]);
+        let named = |m: &mut Model| level(m, &|level| level.classes[0].variances[0] = -1.0);
+        refused(&model, named, &["variance of a class"]);
+    }
+
+    #[test]
+    fn a_model_of_upright_objects_needs_no_components() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let mut model = searched_here(small());
+        model.metadata.camera_components = Vec::new();
+        cameras(&mut model).components = (0..2).map(Component::upright).collect();
+        save(&model, &path).unwrap();
+        assert_same(&model, &load(&path).unwrap());
+        // Nor a forest.
+        let camera = model.metadata.calibration.camera.as_mut().unwrap();
+        (camera.with_forest, camera.none, camera.together) = (None, None, None);
+        cameras(&mut model).forest = None;
+        save(&model, &path).unwrap();
+        assert_same(&model, &load(&path).unwrap());
+    }
+
+    #[test]
+    fn a_place_without_room_is_told_with_both_sizes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        check_place(&path, 1).unwrap();
+        let error = check_place(&path, u64::MAX).unwrap_err();
+        assert!(matches!(error, ModelError::NoRoom { needed: u64::MAX, free, .. } if free > 0), "{error}");
+        assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "nothing is left");
+        let error = save(&searched_here(small()), "/dev/null".as_ref()).unwrap_err().to_string();
+        assert!(error.contains("not a regular file"), "{error}");
     }
 }

@@ -114,4 +114,29 @@ mod tests {
             assert!(forest.fault().is_some(), "{forest:?}");
         }
     }
+
+    #[test]
+    fn arrays_that_do_not_belong_together_are_told_apart() {
+        type Case = (fn(&mut Forest), &'static str);
+        let broken: [Case; 10] = [
+            (|f| f.inputs = 0, "no inputs"),
+            (|f| f.inputs = 256, "no inputs"),
+            (|f| f.outcomes = 0, "no inputs"),
+            (|f| f.roots.clear(), "no inputs"),
+            (|f| f.thresholds.truncate(3), "different lengths"),
+            (|f| f.next.push(0), "different lengths"),
+            (|f| f.shares.truncate(5), "different lengths"),
+            (|f| f.shares.truncate(4), "what is not there"),
+            (|f| f.shares[5] = f16::from_f32(1.001), "not between 0 and 1"),
+            (|f| f.shares[5] = f16::from_f32(-0.001), "not between 0 and 1"),
+        ];
+        for (break_it, part) in broken {
+            let mut forest = forest();
+            break_it(&mut forest);
+            let fault = forest.fault().unwrap_or_else(|| panic!("{part}: {forest:?}"));
+            assert!(fault.contains(part), "{fault}");
+        }
+        // As many inputs as a byte can ask for, beside the mark of a leaf.
+        assert_eq!(Forest { inputs: 255, ..forest() }.fault(), None);
+    }
 }

@@ -16,6 +16,8 @@ mod header;
 mod mapping;
 mod metadata;
 mod opened;
+#[cfg(test)]
+mod test_models;
 mod view_density;
 
 pub use basis::Basis;

@@ -51,3 +51,25 @@ impl ViewDensities {
 fn block(values: &[f16], index: usize, size: usize) -> &[f16] {
     &values[index * size..(index + 1) * size]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every value is its own place, modulo what half precision holds exactly.
+    #[test]
+    fn blocks_stand_by_direction_then_class_and_leave_nothing_out() {
+        let (size, classes) = (3, 2);
+        let count =
+            |each: usize| -> Vec<f16> { (0..DIRECTIONS * classes * each).map(|place| f16::from_f32((place % 2048) as f32)).collect() };
+        let densities = ViewDensities { size, basis: vec![], means: count(3), whitening: count(6), regression: count(9) };
+        assert_eq!((densities.classes(), ViewDensities::packed(3)), (2, 6));
+        let (mut means, mut whitening, mut regression) = (Vec::new(), Vec::new(), Vec::new());
+        for (direction, class) in (0..DIRECTIONS).flat_map(|direction| (0..classes).map(move |class| (direction, class))) {
+            means.extend_from_slice(densities.mean(direction, class, classes));
+            whitening.extend_from_slice(densities.whitening(direction, class, classes));
+            regression.extend_from_slice(densities.regression(direction, class, classes));
+        }
+        assert_eq!((means, whitening, regression), (densities.means, densities.whitening, densities.regression));
+    }
+}
