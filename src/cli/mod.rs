@@ -21,6 +21,8 @@ mod inspect;
 #[cfg(feature = "lab")]
 mod leave_one_out;
 mod logging;
+#[cfg(feature = "record")]
+mod narrating;
 mod observe;
 mod perceive;
 mod pictures;
