@@ -1,4 +1,4 @@
-//! What is perceived as messages that Foxglove, Lichtblick and Rerun draw: into an MCAP file.
+//! What is perceived as messages that Foxglove, Lichtblick and Rerun draw: into an MCAP file, or live to whoever looks.
 //!
 //! | topic | schema | content |
 //! | --- | --- | --- |
@@ -22,9 +22,12 @@
 //! | `narrator` | which message goes where |
 //! | `file` | an MCAP file: channels, messages, its end |
 //! | `recorder` | messages into that file |
+//! | `live` | messages to viewers, over WebSockets |
 
 mod clock;
 mod file;
+#[cfg(feature = "view")]
+mod live;
 mod messages;
 mod narrator;
 mod producers;
@@ -33,6 +36,8 @@ mod topics;
 
 pub use clock::Clock;
 pub use file::RecordError;
+#[cfg(feature = "view")]
+pub use live::{Live, LiveError};
 pub use narrator::{Answer, Narrator, Told};
 pub use recorder::{Recorded, Recorder, Recording};
 pub use topics::{EncodeError, Sink, Times, Topic};
