@@ -48,7 +48,7 @@ pub struct Demo {
     #[cfg(feature = "view")]
     #[arg(long)]
     view: bool,
-    /// Port of the live view
+    /// Port of the live view; its page for browsers has the next one
     #[cfg(feature = "view")]
     #[arg(long, default_value_t = 8765, value_name = "PORT", requires = "view")]
     view_port: u16,
@@ -139,9 +139,12 @@ impl Demo {
     /// Starts the live view, and passes on where it is seen.
     #[cfg(feature = "view")]
     fn start_view(&self, instance: &str) -> Result<Process, Failure> {
-        let port = self.view_port.to_string();
+        // Any free port is any free port for both.
+        let page_port = if self.view_port == 0 { 0 } else { self.view_port.saturating_add(1) };
+        let (port, page_port) = (self.view_port.to_string(), page_port.to_string());
         // The objects are looked at one after the other, all at the same place.
-        let mut view = start("beo view", &["view", "--instance", instance, "--port", &port, "--keep", "1"], &[])?;
+        let arguments = ["view", "--instance", instance, "--port", &port, "--web", &page_port, "--keep", "1"];
+        let mut view = start("beo view", &arguments, &[])?;
         let mut lines = BufReader::new(view.output()?).lines();
         let first = lines.next().transpose()?;
         let Some(first) = first else {

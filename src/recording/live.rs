@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-/// Messages that wait for one viewer, at most: those of some ten answers. A surface of 30³ voxels takes some 300 kB.
+/// Messages that wait for one viewer, at most: those of some seven answers. A surface of 30³ voxels takes some 150 kB.
 const BACKLOG: usize = 64;
 
 /// A server that cannot be started.

@@ -196,10 +196,11 @@ export class Scene {
 
   /** Looks at everything. */
   fit() {
+    this.scene.updateMatrixWorld();
     const box = new THREE.Box3();
-    for (const { object } of this.drawn.values()) {
-      object.traverse((part) => part.geometry && part.visible && box.expandByObject(part));
-    }
+    // Texts have a size on the screen, and none in the scene.
+    const extend = (part) => (part.isMesh || part.isLine || part.isPoints) && box.expandByObject(part);
+    for (const layer of this.layers.values()) if (layer.visible) layer.traverse(extend);
     if (box.isEmpty()) return;
     const { center, radius } = box.getBoundingSphere(new THREE.Sphere());
     const { up } = this.camera;
@@ -208,7 +209,7 @@ export class Scene {
     away.normalize().addScaledVector(up, 0.55).addScaledVector(new THREE.Vector3().crossVectors(up, away), 0.35).normalize();
     this.controls.target.copy(center);
     const half = THREE.MathUtils.degToRad(this.camera.fov / 2) * Math.min(1, this.camera.aspect);
-    this.camera.position.copy(center).addScaledVector(away, Math.max(radius, 0.05) / Math.sin(half));
+    this.camera.position.copy(center).addScaledVector(away, (0.8 * Math.max(radius, 0.05)) / Math.sin(half));
     this.controls.update();
   }
 
