@@ -2,8 +2,8 @@
 //!
 //! The mathematics is the crate `beo_core`'s, shapes are `beo_shapes`', pictures `beo_picture`'s, depth frames' geometry `beo_camera`'s, the
 //! messages in shared memory `beo_ipc`'s, and evaluation and benchmarks `beo_lab`'s. Only [`service`], `recording` and the subcommands of
-//! [`cli`] know both the mathematics and the messages. The features `lab` (evaluation, benchmarks, demo) and `record` (recordings as MCAP) are
-//! on by default; a robot can build without them.
+//! [`cli`] know both the mathematics and the messages. The features `lab` (evaluation, benchmarks, demo), `record` (recordings as MCAP) and
+//! `view` (the live view) are on by default; a robot can build without them.
 
 pub mod cli;
 pub mod export;

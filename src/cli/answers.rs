@@ -102,6 +102,13 @@ fn computed(value: f32) -> serde_json::Value {
     if value == NOT_COMPUTED { serde_json::Value::Null } else { value.into() }
 }
 
+/// The classes with their probabilities, the most probable first.
+pub fn ranking<'a>(percept: &Percept, status: &'a Status) -> Vec<(&'a str, f32)> {
+    let mut ranked: Vec<(&str, f32)> = (0..classes(percept)).map(|s| (class_name(status, s as u32), percept.posterior[s])).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    ranked
+}
+
 /// A line for people.
 pub fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Status, read_ns: u64) -> String {
     let latency = latency_us(percept, read_ns) / 1e3;
@@ -111,8 +118,7 @@ pub fn as_text(percept: &Percept, completion: &Option<Completion>, status: &Stat
     if percept.status != PerceptStatus::Ok.code() {
         return format!("#{} refused: {}", percept.sequence, from_field(&percept.explanation));
     }
-    let mut ranked: Vec<(&str, f32)> = (0..classes(percept)).map(|s| (class_name(status, s as u32), percept.posterior[s])).collect();
-    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let ranked = ranking(percept, status);
     let others: Vec<String> = ranked.iter().skip(1).take(2).map(|(name, p)| format!("{name} {:.1} %", 100.0 * p)).collect();
     let completed = completion.as_ref().map_or("no completion".into(), |c| format!("{} voxels filled", filled(c)));
     let (name, p) = ranked.first().copied().unwrap_or(("?", 0.0));

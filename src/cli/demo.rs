@@ -44,6 +44,14 @@ pub struct Demo {
     /// Add up the views of each object before they are perceived
     #[arg(long)]
     fuse: bool,
+    /// Show it live as well (`beo view`), and go on round after round until Ctrl-C
+    #[cfg(feature = "view")]
+    #[arg(long)]
+    view: bool,
+    /// Port of the live view; its page for browsers has the next one
+    #[cfg(feature = "view")]
+    #[arg(long, default_value_t = 8765, value_name = "PORT", requires = "view")]
+    view_port: u16,
     /// Seed of the objects, their poses and the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -91,6 +99,8 @@ impl Demo {
         if ready.is_empty() {
             return Err(Failure::Failed("the daemon did not start; its own message stands above".into()));
         }
+        #[cfg(feature = "view")]
+        let viewed = if self.view { Some(self.start_view(&instance)?) } else { None };
         say!("3. a robot's process: beo watch --instance {instance} --json --png {}", self.png.display());
         let count = views.len().to_string();
         let mut watcher = start(WATCHER, &["watch", "--instance", &instance, "--count", &count, "--json", "--png"], &[&self.png])?;
@@ -98,9 +108,11 @@ impl Demo {
         let fuse: &[&str] = if self.fuse { &["--fuse"] } else { &[] };
         say!("4. the camera: beo camera {} --instance {instance} {}\n", frames.display(), fuse.join(" "));
         let table = TABLE.to_string();
-        let arguments =
-            [&["camera", "--instance", &instance, "--support-label", &table, "--pose", "yaw"], fuse, &["--trajectory"]].concat();
-        let mut camera = start("beo camera", &arguments, &[&trajectory, &frames])?;
+        let start_camera = |more: &[&str]| {
+            let camera: &[&str] = &["camera", "--instance", &instance, "--support-label", &table, "--pose", "yaw"];
+            start("beo camera", &[camera, fuse, more, &["--trajectory"]].concat(), &[&trajectory, &frames])
+        };
+        let mut camera = start_camera(&[])?;
         let told = camera.lines()?;
         let tally = show(&views, &watcher.lines()?, &mut camera)?;
         camera.finish(PATIENCE)?;
@@ -110,13 +122,37 @@ impl Demo {
             watcher.interrupt();
         }
         watcher.finish(PATIENCE)?;
-        daemon.interrupt();
-        daemon.finish(PATIENCE)?;
         if tally.answers == 0 {
             return Err(Failure::Failed(format!("none of {} views was answered", views.len())));
         }
         say!("\n{}; pictures of every view are in {}/", tally.summary(views.len()), self.png.display());
+        #[cfg(feature = "view")]
+        if let Some(view) = viewed {
+            say!("the camera goes round for the live view; Ctrl-C ends it");
+            go_round(start_camera(&["--loop", "--rate", "2"])?, view)?;
+        }
+        daemon.interrupt();
+        daemon.finish(PATIENCE)?;
         Ok(())
+    }
+
+    /// Starts the live view, and passes on where it is seen.
+    #[cfg(feature = "view")]
+    fn start_view(&self, instance: &str) -> Result<Process, Failure> {
+        // Any free port is any free port for both.
+        let page_port = if self.view_port == 0 { 0 } else { self.view_port.saturating_add(1) };
+        let (port, page_port) = (self.view_port.to_string(), page_port.to_string());
+        // The objects are looked at one after the other, all at the same place.
+        let arguments = ["view", "--instance", instance, "--port", &port, "--web", &page_port, "--keep", "1"];
+        let mut view = start("beo view", &arguments, &[])?;
+        let mut lines = BufReader::new(view.output()?).lines();
+        let first = lines.next().transpose()?;
+        let Some(first) = first else {
+            return Err(Failure::Failed("the live view did not start; its own message stands above".into()));
+        };
+        say!("   {first}");
+        std::thread::spawn(move || lines.map_while(Result::ok).try_for_each(|line| Ok::<(), Failure>(say!("   {line}"))));
+        Ok(view)
     }
 
     /// Renders all views and writes them as frames and as pictures.
@@ -146,6 +182,22 @@ impl Demo {
         }
         Ok((views, writer.finish()?))
     }
+}
+
+/// Lets camera and view run until an interrupt.
+#[cfg(feature = "view")]
+fn go_round(mut camera: Process, mut view: Process) -> Result<(), Failure> {
+    let stop = super::stop::on_signal()?;
+    let said = camera.lines()?;
+    while !stop.load(std::sync::atomic::Ordering::Relaxed) && camera.is_running() && view.is_running() {
+        std::thread::sleep(Duration::from_millis(20));
+        said.try_iter().for_each(drop);
+    }
+    for process in [&mut camera, &mut view] {
+        process.interrupt();
+        process.finish(PATIENCE)?;
+    }
+    Ok(())
 }
 
 /// Frames of an earlier run would be replayed as well; nothing else in the folder is touched.

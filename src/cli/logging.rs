@@ -40,7 +40,13 @@ pub fn start(verbose: u8, format: Format) -> Log {
     };
     // iceoryx2 warns of what is meant, such as an explicit configuration: only its errors are passed on unless asked for.
     let iceoryx2 = if verbose > 1 { LevelFilter::DEBUG } else { LevelFilter::ERROR };
-    let targets = Targets::new().with_default(level).with_target("iceoryx2", iceoryx2).with_target("iceoryx2_bb_loggers", iceoryx2);
+    // Viewers that go away without a goodbye, or are none, are no error of this program's.
+    let foxglove = if verbose > 0 { level } else { LevelFilter::OFF };
+    let targets = Targets::new()
+        .with_default(level)
+        .with_target("iceoryx2", iceoryx2)
+        .with_target("iceoryx2_bb_loggers", iceoryx2)
+        .with_target("foxglove", foxglove);
     let limit = Limit::default();
     let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(false);
     let lines = match format {

@@ -21,6 +21,8 @@ mod inspect;
 #[cfg(feature = "lab")]
 mod leave_one_out;
 mod logging;
+#[cfg(feature = "record")]
+mod narrating;
 mod observe;
 mod perceive;
 mod pictures;
@@ -33,6 +35,8 @@ mod shapes;
 mod status;
 mod stop;
 mod train;
+#[cfg(feature = "view")]
+mod view;
 mod watch;
 mod wording;
 
@@ -77,6 +81,8 @@ enum Command {
     Watch(watch::Watch),
     #[cfg(feature = "record")]
     Record(record::Record),
+    #[cfg(feature = "view")]
+    View(view::View),
     #[cfg(feature = "lab")]
     Demo(demo::Demo),
     #[cfg(feature = "lab")]
@@ -129,6 +135,8 @@ pub fn run() -> ExitCode {
         Command::Watch(command) => command.run(),
         #[cfg(feature = "record")]
         Command::Record(command) => command.run(),
+        #[cfg(feature = "view")]
+        Command::View(command) => command.run(),
         #[cfg(feature = "lab")]
         Command::Demo(command) => command.run(),
         #[cfg(feature = "lab")]

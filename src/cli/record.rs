@@ -1,8 +1,8 @@
 //! `beo record`: writes what the daemon is asked and answers into an MCAP file.
 
-use super::answers::{as_json, as_text, completion_of, label};
 use super::connecting::Connecting;
 use super::failure::Failure;
+use super::narrating::Narrating;
 use super::observe::seconds;
 use super::stop;
 use crate::recording::Recorder;
@@ -18,7 +18,9 @@ use std::time::{Duration, Instant};
 /// Record what the daemon is asked and answers into an MCAP file, for Foxglove and Rerun
 ///
 /// Topics: /beo/observation (point cloud of what was seen), /beo/completion (its surface, more transparent where unsure) and
-/// /beo/completion_points (its filled voxels, as Rerun draws no surfaces), /beo/object (class, pose hypotheses, box), /beo/pose, /tf, /beo/log, and /beo/percept (JSON as `beo watch --json` prints it). Until it ends, the recording is
+/// /beo/completion_points (its filled voxels, as Rerun draws no surfaces), /beo/object (class, pose hypotheses, box),
+/// /beo/classes (their probabilities as bars), /beo/pose, /tf, /beo/log, /beo/percept (JSON as `beo watch --json` prints it), and /beo/status (JSON
+/// as `beo status --json` prints it, once a second). Until it ends, the recording is
 /// in OUT.mcap.partial. Ctrl-C ends it properly, and it takes its name; of a recorder that is killed, all but the last second can be recovered
 /// from the partial file (`mcap recover`), which no other recording overwrites.
 #[derive(Args)]
@@ -57,7 +59,7 @@ impl Record {
         let stop = stop::on_signal()?;
         let connecting = Connecting::within(wait, &self.instance, &stop);
         let subscriber = connecting.open(|| Subscriber::open(&self.instance, &SubscriberOptions { completion: true }))?;
-        let mut status = connecting.status(&subscriber)?;
+        let status = connecting.status(&subscriber)?;
         let observations = match ObservationReader::open(&self.instance) {
             Ok(reader) => Some(reader),
             Err(OpenError::Full { .. }) => {
@@ -67,67 +69,42 @@ impl Record {
             Err(error) => return Err(error.into()),
         };
         let mut recorder = Recorder::create(&self.out, notes(&self.instance, &status))?;
-        recorder.say(served(&status), monotonic_ns())?;
+        let mut narrating = Narrating::begin(&self.instance, subscriber, status, &mut recorder)?;
         recorder.flush()?;
         // Whoever starts a producer after this line misses nothing.
         match recorder.path() == self.out {
             true => warn!("recording `{}` to {}", self.instance, self.out.display()),
             false => warn!("recording `{}` to {} until it ends", self.instance, recorder.path().display()),
         }
-        let (start, mut taken, mut missed) = (Instant::now(), 0, 0);
-        let mut housekeeping = Instant::now();
-        let is_done = |taken: u64| {
-            self.count.is_some_and(|count| taken >= count)
+        let start = Instant::now();
+        let mut flushed = Instant::now();
+        let is_done = |recorder: &Recorder| {
+            self.count.is_some_and(|count| recorder.told().percepts >= count)
                 || length.is_some_and(|length| start.elapsed() >= length)
                 || stop.load(Ordering::Relaxed)
         };
-        while !is_done(taken) {
-            subscriber.wait(Duration::from_millis(50))?;
+        while !is_done(&recorder) {
+            narrating.wait(Duration::from_millis(50))?;
             take_observations(observations.as_ref(), &mut recorder)?;
-            while !is_done(taken) {
-                let Some(percept) = subscriber.take_percept()? else { break };
-                let now_ns = monotonic_ns();
-                let completion = completion_of(&subscriber, &percept)?;
-                if percept.model_id != status.model_id
-                    && let Some(newer) = subscriber.status()?
-                {
-                    if newer.model_id != status.model_id {
-                        recorder.say(served(&newer), now_ns)?;
-                    }
-                    status = newer;
-                }
-                if let Some(completion) = &completion {
-                    let (occupancy, deviation) = (completion.occupancy(), completion.deviation());
-                    recorder.completion(completion.header(), occupancy, deviation, observations.is_none(), now_ns)?;
-                }
-                let (line, json) = (as_text(&percept, &completion, &status, now_ns), as_json(&percept, &completion, &status, now_ns));
-                recorder.percept(&percept, label(&percept, &status), line, &json, now_ns)?;
-                taken += 1;
+            while !is_done(&recorder) && narrating.answer(&mut recorder, observations.is_none())? {
                 take_observations(observations.as_ref(), &mut recorder)?;
             }
-            if subscriber.missed() > missed {
-                recorder.say(
-                    format!("missed {} percepts, which came faster than they were read", subscriber.missed() - missed),
-                    monotonic_ns(),
-                )?;
-                missed = subscriber.missed();
-            }
-            if housekeeping.elapsed() > FLUSH {
-                subscriber.maintain();
+            narrating.maintain(&mut recorder)?;
+            if flushed.elapsed() > FLUSH {
                 observations.iter().for_each(ObservationReader::maintain);
                 recorder.flush()?;
-                housekeeping = Instant::now();
+                flushed = Instant::now();
             }
         }
         let recorded = recorder.finish()?;
-        if missed > 0 {
-            warn!("missed {missed} percepts, which came faster than they were read");
+        if let Some(missed) = narrating.missed() {
+            warn!("missed {missed}");
         }
         say!(
             "recorded {} percepts, {} completions and {} observations in {:.1} s: {} messages, {:.1} MB in {}",
-            recorded.percepts,
-            recorded.completions,
-            recorded.observations,
+            recorded.told.percepts,
+            recorded.told.completions,
+            recorded.told.observations,
             start.elapsed().as_secs_f64(),
             recorded.messages,
             recorded.bytes as f64 / 1e6,
@@ -146,12 +123,6 @@ fn take_observations(reader: Option<&ObservationReader>, recorder: &mut Recorder
         }
     }
     Ok(())
-}
-
-/// The served model, as a line of the log.
-fn served(status: &Status) -> String {
-    let names: Vec<&str> = status.class_names().collect();
-    format!("model {} for grids of {:?}, classes {}", from_field(&status.model_name), status.dims, names.join(", "))
 }
 
 fn notes(instance: &InstanceName, status: &Status) -> BTreeMap<String, String> {

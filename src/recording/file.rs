@@ -4,8 +4,8 @@
 //! with `.partial` after it. One that is not finished (the process was killed, the disk is full) keeps that name and lacks its index; readers
 //! that scan it find all that was flushed.
 
+use super::topics::{EncodeError, Times, Topic};
 use beo_core::whole_file::WholeFile;
-use foxglove::Encode;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions, Writer};
 use std::collections::BTreeMap;
@@ -24,6 +24,9 @@ pub enum RecordError {
         /// The words of the operating system or the encoder.
         cause: String,
     },
+    /// A message has no encoding.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
     /// There is no more room.
     #[error(
         "{} is incomplete: the disk is full after {messages} messages; free some space and record again (what was flushed can be read by \
@@ -36,30 +39,6 @@ pub enum RecordError {
         /// Messages that were taken before.
         messages: u64,
     },
-}
-
-/// The content of a finished recording, counted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Recorded {
-    /// Observations.
-    pub observations: u64,
-    /// Completions.
-    pub completions: u64,
-    /// Percepts.
-    pub percepts: u64,
-    /// Messages in all channels.
-    pub messages: u64,
-    /// Length of the file.
-    pub bytes: u64,
-}
-
-/// When a message was taken and when what it tells of happened, nanoseconds since 1970.
-#[derive(Clone, Copy, Debug)]
-pub struct Times {
-    /// When it was recorded.
-    pub logged_ns: u64,
-    /// When the sensor data was taken.
-    pub captured_ns: u64,
 }
 
 /// A channel of the file.
@@ -155,24 +134,15 @@ impl McapFile {
         &self.path
     }
 
-    /// A channel of Foxglove's messages, with their published schema.
-    pub fn channel<T: Encode>(&mut self, topic: &str) -> Result<Channel, RecordError> {
-        let schema = T::get_schema();
+    /// A channel of a topic, with its schema.
+    pub fn channel(&mut self, topic: Topic) -> Result<Channel, RecordError> {
+        let schema = topic.schema();
         self.with(|writer| {
             let id = match &schema {
                 Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
                 None => 0,
             };
-            writer.add_channel(id, topic, &T::get_message_encoding(), &BTreeMap::new())
-        })
-        .map(Channel)
-    }
-
-    /// A channel of JSON with a JSON schema.
-    pub fn json_channel(&mut self, topic: &str, name: &str, schema: &str) -> Result<Channel, RecordError> {
-        self.with(|writer| {
-            let id = writer.add_schema(name, "jsonschema", schema.as_bytes())?;
-            writer.add_channel(id, topic, "json", &BTreeMap::new())
+            writer.add_channel(id, topic.name(), topic.encoding(), &BTreeMap::new())
         })
         .map(Channel)
     }
@@ -182,15 +152,8 @@ impl McapFile {
         self.with(|writer| writer.write_metadata(&Metadata { name: name.into(), metadata: notes }))
     }
 
-    /// Writes one of Foxglove's messages.
-    pub fn write<T: Encode>(&mut self, channel: Channel, times: Times, message: &T) -> Result<(), RecordError> {
-        let mut bytes = Vec::with_capacity(message.encoded_len().unwrap_or(0));
-        message.encode(&mut bytes).map_err(|error| RecordError::Write { path: self.path.clone(), cause: error.to_string() })?;
-        self.write_bytes(channel, times, &bytes)
-    }
-
-    /// Writes a message that is encoded already.
-    pub fn write_bytes(&mut self, channel: Channel, times: Times, bytes: &[u8]) -> Result<(), RecordError> {
+    /// Writes a message.
+    pub fn write(&mut self, channel: Channel, times: Times, bytes: &[u8]) -> Result<(), RecordError> {
         let sequence = self.sequences.entry(channel.0).or_insert(0);
         *sequence = sequence.wrapping_add(1);
         let header =

@@ -10,16 +10,20 @@ use beo_ipc::{Hypothesis, Percept};
 use beo_picture::{Colour, MOST_UNSURE};
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
-    ArrowPrimitive, Color, FrameTransform, LinePrimitive, PackedElementField, Point3, PointCloud, Pose, PoseInFrame, Quaternion,
-    SceneEntity, SceneUpdate, TextPrimitive, TriangleListPrimitive, Vector3, line_primitive,
+    ArrowPrimitive, Color, CubePrimitive, FrameTransform, LinePrimitive, PackedElementField, Point3, PointCloud, Pose, PoseInFrame,
+    Quaternion, SceneEntity, SceneUpdate, TextPrimitive, TriangleListPrimitive, Vector3, line_primitive,
 };
 use nalgebra as na;
+use std::time::Duration;
 
 /// The frame of observations that name none.
 pub const NO_FRAME: &str = "world";
 
 /// Hypotheses less probable get no arrow.
 const LEAST_DRAWN: f32 = 0.02;
+/// Classes that have a bar, at most, and the least probability of one.
+const MOST_BARS: usize = 5;
+const LEAST_BAR: f32 = 0.005;
 
 /// The part that all messages about one object at one time have in common.
 #[derive(Clone, Debug)]
@@ -32,6 +36,8 @@ pub struct About {
     pub capture_ns: u64,
     /// Makes time of day of it.
     pub clock: Clock,
+    /// How long after its capture what is drawn of it disappears, if ever.
+    pub lifetime: Option<Duration>,
 }
 
 impl About {
@@ -40,6 +46,7 @@ impl About {
             timestamp: Some(self.clock.timestamp(self.capture_ns)),
             frame_id: self.frame.clone(),
             id: format!("{} {what}", self.object),
+            lifetime: self.lifetime.and_then(|lifetime| lifetime.try_into().ok()),
             frame_locked: true,
             ..SceneEntity::default()
         }
@@ -171,11 +178,7 @@ pub fn pose_in_frame(about: &About, percept: &Percept) -> Option<PoseInFrame> {
 /// An answer's class as text, its pose hypotheses as arrows and its box.
 pub fn object(about: &About, percept: &Percept, text: String) -> SceneUpdate {
     let middle = na::Point3::from(percept.object_position_m);
-    let grid_m = f64::from(percept.voxel_size_m) * f64::from(percept.dims.into_iter().max().unwrap_or(0));
-    let extent_m = percept.object_extent_m.map(f64::from);
-    let has_box = extent_m.iter().all(|side| *side > 0.0);
-    // Training shapes take four fifths of their grid.
-    let half_m = if has_box { 0.5 * extent_m.into_iter().fold(0.0, f64::max) } else { 0.4 * grid_m };
+    let half_m = half_longest_side_m(percept);
     let mut entity = about.entity("object");
     let best = best(percept).map(|hypothesis| in_frame(percept, &hypothesis));
     // The front of the training shapes is −y: an arrow there for each hypothesis, the more probable the more solid.
@@ -189,18 +192,58 @@ pub fn object(about: &About, percept: &Percept, text: String) -> SceneUpdate {
         for (axis, shade) in axes {
             entity.arrows.push(arrow(middle, rotation * axis, half_m, 0.04 * half_m, colour(shade, 1.0)));
         }
-        if has_box {
-            entity.lines.push(wire_box(middle, &rotation, extent_m));
+        if has_box(percept) {
+            entity.lines.push(wire_box(middle, &rotation, percept.object_extent_m.map(f64::from)));
         }
     }
-    entity.texts.push(TextPrimitive {
-        pose: Some(unturned(middle + from_xyzw(percept.orientation) * na::Vector3::z() * 1.25 * half_m)),
+    let up = from_xyzw(percept.orientation) * na::Vector3::z();
+    entity.texts.push(label(middle + up * 1.25 * half_m, 16.0, text));
+    SceneUpdate { entities: vec![entity], ..SceneUpdate::default() }
+}
+
+fn has_box(percept: &Percept) -> bool {
+    percept.object_extent_m.iter().all(|side| *side > 0.0)
+}
+
+/// Half the longest side of an answer's box. Where there is none, of the training shapes, which take four fifths of their grid.
+fn half_longest_side_m(percept: &Percept) -> f64 {
+    match has_box(percept) {
+        true => 0.5 * percept.object_extent_m.map(f64::from).into_iter().fold(0.0, f64::max),
+        false => 0.4 * f64::from(percept.voxel_size_m) * f64::from(percept.dims.into_iter().max().unwrap_or(0)),
+    }
+}
+
+/// Text that always faces the viewer, of a height in pixels.
+fn label(place: na::Point3<f64>, height: f64, text: String) -> TextPrimitive {
+    TextPrimitive {
+        pose: Some(unturned(place)),
         billboard: true,
-        font_size: 16.0,
+        font_size: height,
         scale_invariant: true,
         color: Some(colour(Colour::rgb(255, 255, 255), 1.0)),
         text,
-    });
+    }
+}
+
+/// The probabilities of the most probable classes as bars above the object, one above the other, across the line of sight of a camera
+/// before which the grid was laid (its x axis leads away from the camera, z is up).
+pub fn classes(about: &About, percept: &Percept, ranking: &[(&str, f32)]) -> SceneUpdate {
+    let (middle, half_m) = (na::Point3::from(percept.object_position_m), half_longest_side_m(percept));
+    let grid = from_xyzw(percept.orientation);
+    let shown: Vec<_> = ranking.iter().take(MOST_BARS).filter(|(_, probability)| *probability >= LEAST_BAR).collect();
+    let mut entity = about.entity("classes");
+    for (place, (name, probability)) in shown.iter().enumerate() {
+        let length_m = 2.0 * half_m * f64::from(*probability);
+        let height_m = (1.6 + 0.28 * (shown.len() - 1 - place) as f64) * half_m;
+        // All begin at the left, as the camera sees it.
+        let at = |left_m: f64| middle + grid * na::Vector3::new(0.0, left_m, height_m);
+        entity.cubes.push(CubePrimitive {
+            pose: Some(pose(at(half_m - 0.5 * length_m), &grid)),
+            size: Some(Vector3 { x: 0.05 * half_m, y: length_m, z: 0.2 * half_m }),
+            color: Some(colour(if place == 0 { Colour::PREDICTED } else { Colour::KNOWN }, 0.9)),
+        });
+        entity.texts.push(label(at(1.5 * half_m), 12.0, format!("{name} {:.0} %", 100.0 * probability)));
+    }
     SceneUpdate { entities: vec![entity], ..SceneUpdate::default() }
 }
 

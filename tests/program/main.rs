@@ -23,4 +23,5 @@ mod resources;
 mod service;
 mod training;
 mod usage;
+mod view;
 mod viewing;

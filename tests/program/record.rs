@@ -2,7 +2,7 @@
 
 use crate::client::{Client, block};
 use crate::harness::{PATIENCE, Running, beo, dims, instance, run, seen, serve, text};
-use beo::recording::TOPICS;
+use beo::recording::Topic;
 use beo_core::grid::Rotation;
 use beo_ipc::PoseSearch;
 use beo_shapes::furniture;
@@ -107,7 +107,7 @@ fn a_recording_holds_every_observation_and_answer_in_foxgloves_schemas() {
 
     let topics = messages(&out);
     assert_eq!(topics.keys().collect::<Vec<_>>(), {
-        let mut names = TOPICS.to_vec();
+        let mut names = Topic::ALL.map(Topic::name).to_vec();
         names.sort();
         names
     });
@@ -115,17 +115,20 @@ fn a_recording_holds_every_observation_and_answer_in_foxgloves_schemas() {
     let completions = decoded::<SceneUpdate>(&topics["/beo/completion"]);
     let completed = decoded::<PointCloud>(&topics["/beo/completion_points"]);
     let objects = decoded::<SceneUpdate>(&topics["/beo/object"]);
+    let bars = decoded::<SceneUpdate>(&topics["/beo/classes"]);
     let poses = decoded::<PoseInFrame>(&topics["/beo/pose"]);
     let transforms = decoded::<FrameTransform>(&topics["/tf"]);
     let log = decoded::<Log>(&topics["/beo/log"]);
     let percepts: Vec<serde_json::Value> =
         topics["/beo/percept"].iter().map(|message| serde_json::from_slice(&message.data).unwrap()).collect();
-    for found in
-        [clouds.len(), completed.len(), completions.len(), objects.len(), poses.len(), transforms.len(), percepts.len(), log.len() - 1]
-    {
-        assert_eq!(found, count);
+    let scenes = [completions.len(), objects.len(), bars.len()];
+    let others = [clouds.len(), completed.len(), poses.len(), transforms.len(), percepts.len(), log.len() - 1];
+    assert!(scenes.iter().chain(&others).all(|found| *found == count), "{scenes:?} {others:?}");
+    for topic in ["/beo/percept", "/beo/status"] {
+        assert_eq!(topics[topic][0].encoding, "json/jsonschema");
     }
-    assert_eq!(topics["/beo/percept"][0].encoding, "json/jsonschema");
+    let status: serde_json::Value = serde_json::from_slice(&topics["/beo/status"][0].data).unwrap();
+    assert_eq!((&status["instance"], &status["healthy"]), (&name.as_str().into(), &true.into()));
     assert!(log[0].message.contains("chair"), "the log begins with the model: {}", log[0].message);
     for messages in topics.values() {
         assert!(messages.iter().all(|m| before_ns <= m.publish_ns && m.publish_ns <= m.log_ns && m.log_ns <= now_ns()));
@@ -146,6 +149,7 @@ fn a_recording_holds_every_observation_and_answer_in_foxgloves_schemas() {
         assert_eq!(entity.id, format!("{object} object"));
         assert!(entity.texts[0].text.starts_with(percept["class"].as_str().unwrap()));
         assert!(entity.arrows.len() >= 4, "three axes and at least one front");
+        assert!(bars[n].entities[0].texts[0].text.starts_with(percept["class"].as_str().unwrap()));
         let surface = &completions[n].entities[0];
         let triangles = &surface.triangles[0];
         assert_eq!(surface.id, format!("{object} completion"));
@@ -202,8 +206,6 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
         let _daemon = serve(&name);
         let mut recorder = Running::start(beo(["record", out.to_str().unwrap(), "--instance", &name]));
         assert!(recorder.message().starts_with("recording"));
-        let length = || std::fs::metadata(partial(&out)).unwrap().len();
-        let empty = length();
         let client = Client::new(&name);
         client.ask(|_, voxels| voxels[77] = 9);
         client.ask(|header, voxels| {
@@ -215,12 +217,7 @@ fn a_recording_that_is_ended_by_a_signal_is_whole() {
             header.frame_id = beo_ipc::text::to_field("camera");
             block(voxels);
         });
-        // Answers are recorded in their order: once the second has been flushed, both are there.
-        let start = Instant::now();
-        while length() < empty + 8_000 {
-            assert!(start.elapsed() < PATIENCE, "nothing was flushed");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        await_percepts(&out, 2);
         recorder.signal(signal);
         assert!(recorder.wait().success());
         let topics = messages(&out);

@@ -23,8 +23,8 @@ fn help_names_every_subcommand() {
     let output = run(["--help"]);
     assert!(output.status.success());
     let commands = [
-        "train", "inspect", "perceive", "serve", "status", "reload", "observe", "camera", "watch", "record", "eval", "demo", "bench",
-        "generate", "align",
+        "train", "inspect", "perceive", "serve", "status", "reload", "observe", "camera", "watch", "record", "view", "eval", "demo",
+        "bench", "generate", "align",
     ];
     for command in commands {
         assert!(text(&output.stdout).contains(command));
@@ -110,7 +110,9 @@ fn whoever_waits_for_a_daemon_can_be_interrupted() {
     let (name, folder) = (instance(), tempfile::tempdir().unwrap());
     let out = folder.path().join("a.mcap");
     let file = shape(folder.path(), "chair", 1);
-    for arguments in [&["watch"][..], &["status"], &["record", out.to_str().unwrap()], &["observe", file.to_str().unwrap()]] {
+    let commands =
+        [&["watch"][..], &["status"], &["record", out.to_str().unwrap()], &["view", "--port", "0"], &["observe", file.to_str().unwrap()]];
+    for arguments in commands {
         let mut waiting = Running::start(beo(arguments.iter().chain(&["--instance", &name, "--wait", "86400"])));
         let start = std::time::Instant::now();
         // Before it listens for signals, the first ends it; later ones must do so too.

@@ -29,15 +29,26 @@ def percept(sample):
         done.set()
 
 
+def ask(session, key):
+    """The first answer to a query, asked again until there is one: a status is there from the daemon's next heartbeat on."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for reply in session.get(f"beo/{instance}/{key}", timeout=10.0):
+            if reply.ok:
+                return reply.ok.payload.to_bytes()
+        time.sleep(0.05)
+    sys.exit(f"nobody answers for the {key}")
+
+
 with zenoh.open(config) as session:
     subscriber = session.declare_subscriber(f"beo/{instance}/percept", percept)
-    # The clock of the daemon's machine, by query: this is the same machine.
+    # The clock of the daemon's machine: this is the same machine.
     begun = time.monotonic_ns()
-    replies = [reply.ok.payload.to_bytes() for reply in session.get(f"beo/{instance}/clock", timeout=10.0) if reply.ok]
+    (clock,) = struct.unpack("<Q", ask(session, "clock"))
     ended = time.monotonic_ns()
-    clock = struct.unpack("<Q", replies[0])[0] if replies else 0
-    statuses = [reply.ok.payload.to_bytes() for reply in session.get(f"beo/{instance}/status", timeout=10.0) if reply.ok]
-    names = [statuses[0][196 + 32 * n : 228 + 32 * n].rstrip(b"\0").decode() for n in range(struct.unpack_from("<I", statuses[0], 180)[0])] if statuses else []
+    status = ask(session, "status")
+    (count_of_classes,) = struct.unpack_from("<I", status, 180)
+    names = [status[196 + 32 * n : 228 + 32 * n].rstrip(b"\0").decode() for n in range(count_of_classes)]
     print("ready", flush=True)
     done.wait(seconds)
 print(json.dumps({"percepts": percepts, "clock_is_between": begun <= clock <= ended, "classes": names}), flush=True)
