@@ -579,7 +579,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.safetensors");
         let (model, cells) = (searched_here(small()), small().voxels());
-        let mut refused = |name: &str, shape: &[usize], bytes: usize, parts: &[&str]| {
+        let refused = |name: &str, shape: &[usize], bytes: usize, parts: &[&str]| {
             with_tensor(&model, name, shape, &vec![0; bytes], &path);
             let message = load(&path).unwrap_err().to_string();
             parts.iter().for_each(|part| assert!(message.contains(part), "`{part}` is not in: {message}"));
