@@ -56,8 +56,8 @@ fn soak() {
     let mut resident: Vec<[u64; 3]> = Vec::new();
     while start.elapsed() < length {
         let early = start.elapsed() < length / 4;
-        let possible = [KillProducer, KillReader, KillStarting, FreezeProducer, FreezeReader, KillDaemon];
-        crowd.fault(&mut random, if early { &possible } else { &possible[..5] });
+        let possible = [KillProducer, KillReader, KillStarting, FreezeProducer, FreezeReader, RewriteModel, Flood, CutMemory, KillDaemon];
+        crowd.fault(&mut random, if early { &possible } else { &possible[..8] });
         crowd.pass(CALM.mul_f64(random.random_range(0.2..1.8)));
         // Nobody else reads what it says.
         if let Some(listener) = &listener {
@@ -104,10 +104,12 @@ fn soak() {
     assert!(ours.is_empty(), "{ours:?}");
     assert!(grown.iter().all(|percent| percent.abs() < 2.0), "memory is not flat");
     assert!(account.silence_ms < SILENCE_MS + stopped_ms, "heartbeats were missed");
-    assert_eq!(account.refused, 0);
+    assert!(account.refused == 0 || faults.contains_key(&CutMemory), "refused {}", account.refused);
     // Of each producer a ring and what it was just sending, when it or the daemon dies; and, until the daemon's death is noticed, what it
     // goes on sending.
     let deaths = account.producers as i64 + 3 * account.daemons as i64;
     let unnoticed = account.daemons as i64 * 3 * 5000 / EVERY_MS as i64;
-    assert!((0..=17 * deaths + unnoticed).contains(&account.lost()), "lost {}", account.lost());
+    // A refusal that the witness missed is counted twice.
+    let twice = account.refused.min(account.missed) as i64;
+    assert!((-twice..=17 * deaths + unnoticed).contains(&account.lost()), "lost {}", account.lost());
 }
