@@ -54,8 +54,13 @@ fn soak() {
     println!("{:>7} {:>30} {:>30} {:>30}", "seconds", "daemon: kB, files, segments", "producer", "reader");
     let (start, mut told) = (Instant::now(), None::<Instant>);
     let mut resident: Vec<[u64; 3]> = Vec::new();
+    let mut is_warm = false;
     while start.elapsed() < length {
         let early = start.elapsed() < length / 4;
+        // What a daemon takes once, to reload and when it is flooded, belongs to what its memory is compared with.
+        if !early && !std::mem::replace(&mut is_warm, true) {
+            [RewriteModel, Flood, CutMemory].into_iter().cycle().take(12).for_each(|fault| crowd.fault(&mut random, &[fault]));
+        }
         let possible = [KillProducer, KillReader, KillStarting, FreezeProducer, FreezeReader, RewriteModel, Flood, CutMemory, KillDaemon];
         crowd.fault(&mut random, if early { &possible } else { &possible[..8] });
         crowd.pass(CALM.mul_f64(random.random_range(0.2..1.8)));
