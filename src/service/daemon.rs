@@ -225,6 +225,11 @@ impl Daemon {
                     Err(error) => Err(refusal(&error, header)),
                 },
             });
+            // So is a header that was gone, and what the zeros would be refused for is no fault of its producer's release.
+            let outcome = outcome.map_err(|refusal| match pages_gone() == gone {
+                true => refusal,
+                false => Refusal::Cut { payload_len: self.status.dims.iter().map(|side| *side as usize).product() },
+            });
             match outcome {
                 Ok(displaced) => self.status.dropped += displaced as u64,
                 Err(refusal) => {

@@ -2,11 +2,13 @@
 
 use super::roles::{Actor, Role};
 use super::witness::Witness;
-use crate::harness::{PATIENCE, Running, serve};
+use crate::harness::{PATIENCE, Running, model, run, segments, serve_with, text};
 use beo_ipc::{InstanceName, PoseSearch, Status};
 use rand::{Rng, RngExt};
 use rustix::process::Signal;
 use std::collections::{BTreeMap, HashMap};
+use std::fs::OpenOptions;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// One of the faults.
@@ -21,11 +23,20 @@ pub enum Fault {
     /// SIGSTOP, and SIGCONT at the next fault.
     FreezeProducer,
     FreezeReader,
+    /// The model's file is rewritten in place, as by `cp`: in part, which a reload refuses, and wholly, which it takes.
+    RewriteModel,
+    /// One more producer, which sends as fast as it can.
+    Flood,
+    /// One more producer, whose memory is cut while its observations wait in it, before it is killed.
+    CutMemory,
 }
 
 /// The processes, and what became of what was sent.
 pub struct Crowd {
     instance: String,
+    /// Served; of this crowd alone, so that it can be rewritten.
+    model: PathBuf,
+    _folder: tempfile::TempDir,
     pub daemon: Running,
     /// In this process.
     pub witness: Witness,
@@ -48,10 +59,15 @@ impl Crowd {
     /// A daemon, three producers that send each so many milliseconds, and two readers beside the witness. The first producer and the first
     /// reader survive, and that reader always reads.
     pub fn gather(instance: &str, every_ms: u64) -> Self {
-        let daemon = serve(instance);
+        let folder = tempfile::tempdir().unwrap();
+        let served = folder.path().join("served.safetensors");
+        std::fs::copy(model(), &served).unwrap();
+        let daemon = serve_with(instance, &served, |command| command);
         let witness = Witness::open(&InstanceName::new(instance).unwrap());
         let mut crowd = Self {
             instance: instance.to_owned(),
+            model: served,
+            _folder: folder,
             pids: vec![daemon.id()],
             daemon,
             witness,
@@ -158,6 +174,14 @@ impl Crowd {
                 process.signal(Signal::STOP);
                 self.frozen.push(process.id());
             }
+            Fault::RewriteModel => self.rewrite_model(),
+            Fault::Flood => {
+                let mut flood = self.join(Role::Producer { every_ms: 0, search: PoseSearch::Known });
+                self.pass(Duration::from_secs(1));
+                flood.end();
+                note(&mut self.sent, &flood);
+            }
+            Fault::CutMemory => self.cut_memory(),
         }
     }
 
@@ -173,7 +197,7 @@ impl Crowd {
         let before = self.witness.daemon();
         self.daemon.signal(Signal::KILL);
         self.daemon.wait();
-        self.daemon = serve(&self.instance);
+        self.daemon = serve_with(&self.instance, &self.model, |command| command);
         self.pids.push(self.daemon.id());
         let start = Instant::now();
         while self.witness.daemon() == before {
@@ -181,6 +205,37 @@ impl Crowd {
             assert!(start.elapsed() < PATIENCE, "no percept of the next daemon");
         }
         self.resumed.push(start.elapsed());
+    }
+
+    fn rewrite_model(&mut self) {
+        let whole = std::fs::read(&self.model).unwrap();
+        for length in [whole.len() / 2, whole.len()] {
+            std::fs::write(&self.model, &whole[..length]).unwrap();
+            self.look();
+            let output = run(["reload", "--instance", &self.instance]);
+            let code = i32::from(length < whole.len());
+            assert_eq!(output.status.code(), Some(code), "{length} of {} bytes: {}", whole.len(), text(&output.stderr));
+        }
+    }
+
+    /// What the daemon has not taken yet of that producer is refused, or gone with it.
+    fn cut_memory(&mut self) {
+        let mut hostile = self.join(Role::Producer { every_ms: 5, search: PoseSearch::Known });
+        let start = Instant::now();
+        while self.witness.newest(hostile.id) == 0 {
+            self.look();
+            assert!(start.elapsed() < PATIENCE, "no percept of a new producer");
+        }
+        self.daemon.signal(Signal::STOP);
+        (0..3).for_each(|_| drop(hostile.hear("sent")));
+        hostile.process.signal(Signal::STOP);
+        for path in segments(hostile.process.id()).iter().filter(|path| path.extension().is_some_and(|e| e == "data")) {
+            OpenOptions::new().write(true).open(path).unwrap().set_len(0).unwrap();
+        }
+        self.daemon.signal(Signal::CONT);
+        self.pass(Duration::from_millis(50));
+        hostile.kill();
+        note(&mut self.sent, &hostile);
     }
 
     /// Ends producers, waits for the daemon to come to rest, ends all.
@@ -206,7 +261,8 @@ impl Crowd {
         let count = |of: fn(&Status) -> u64| daemons.iter().map(of).sum();
         Account {
             sent: self.sent.values().sum(),
-            answered: self.answered,
+            answered: self.answered - self.witness.cut,
+            missed: self.witness.missed(),
             dropped: count(|status| status.dropped),
             overflowed: count(|status| status.overflowed),
             refused: count(|status| status.refused),
@@ -224,6 +280,8 @@ pub struct Account {
     pub sent: u64,
     /// Answered, as the witness read.
     pub answered: u64,
+    /// Answered or refused, which the witness said that it missed.
+    pub missed: u64,
     /// Replaced by a newer one, as the daemons said with their last heartbeat.
     pub dropped: u64,
     /// Lost in full queues, as the daemons said.
@@ -240,7 +298,7 @@ pub struct Account {
 impl Account {
     /// In flight when a daemon, or their producer, was killed.
     pub fn lost(&self) -> i64 {
-        self.sent as i64 - (self.answered + self.dropped + self.overflowed + self.refused) as i64
+        self.sent as i64 - (self.answered + self.missed + self.dropped + self.overflowed + self.refused) as i64
     }
 }
 

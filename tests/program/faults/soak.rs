@@ -54,10 +54,15 @@ fn soak() {
     println!("{:>7} {:>30} {:>30} {:>30}", "seconds", "daemon: kB, files, segments", "producer", "reader");
     let (start, mut told) = (Instant::now(), None::<Instant>);
     let mut resident: Vec<[u64; 3]> = Vec::new();
+    let mut is_warm = false;
     while start.elapsed() < length {
         let early = start.elapsed() < length / 4;
-        let possible = [KillProducer, KillReader, KillStarting, FreezeProducer, FreezeReader, KillDaemon];
-        crowd.fault(&mut random, if early { &possible } else { &possible[..5] });
+        // What a daemon takes once, to reload and when it is flooded, belongs to what its memory is compared with.
+        if !early && !std::mem::replace(&mut is_warm, true) {
+            [RewriteModel, Flood, CutMemory].into_iter().cycle().take(12).for_each(|fault| crowd.fault(&mut random, &[fault]));
+        }
+        let possible = [KillProducer, KillReader, KillStarting, FreezeProducer, FreezeReader, RewriteModel, Flood, CutMemory, KillDaemon];
+        crowd.fault(&mut random, if early { &possible } else { &possible[..8] });
         crowd.pass(CALM.mul_f64(random.random_range(0.2..1.8)));
         // Nobody else reads what it says.
         if let Some(listener) = &listener {
@@ -104,10 +109,12 @@ fn soak() {
     assert!(ours.is_empty(), "{ours:?}");
     assert!(grown.iter().all(|percent| percent.abs() < 2.0), "memory is not flat");
     assert!(account.silence_ms < SILENCE_MS + stopped_ms, "heartbeats were missed");
-    assert_eq!(account.refused, 0);
+    assert!(account.refused == 0 || faults.contains_key(&CutMemory), "refused {}", account.refused);
     // Of each producer a ring and what it was just sending, when it or the daemon dies; and, until the daemon's death is noticed, what it
     // goes on sending.
     let deaths = account.producers as i64 + 3 * account.daemons as i64;
     let unnoticed = account.daemons as i64 * 3 * 5000 / EVERY_MS as i64;
-    assert!((0..=17 * deaths + unnoticed).contains(&account.lost()), "lost {}", account.lost());
+    // A refusal that the witness missed is counted twice.
+    let twice = account.refused.min(account.missed) as i64;
+    assert!((-twice..=17 * deaths + unnoticed).contains(&account.lost()), "lost {}", account.lost());
 }
