@@ -247,8 +247,7 @@ mod tests {
             object_extent_m: [0.1, 0.2, 0.3],
             ..Percept::answering(&ObservationHeader::new([8; 3]))
         };
-        percept.hypotheses[0] =
-            Hypothesis { rotation_object_to_grid: [0.0, 0.0, 0.0, 1.0], probability: 1.0, class_index: 0, ..percept.hypotheses[0] };
+        percept.hypotheses[0] = Hypothesis { rotation_object_to_grid: [0.0, 0.0, 0.0, 1.0], probability: 1.0, class_index: 0 };
         percept
     }
 
