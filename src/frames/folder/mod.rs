@@ -76,7 +76,7 @@ impl Default for FolderOptions {
     }
 }
 
-/// The frames of a folder, sorted by name.
+/// The frames of a folder, sorted by name, numbers in names by their value.
 #[derive(Clone, Debug)]
 pub struct FrameFolder {
     frames: Vec<FrameFiles>,
@@ -293,12 +293,12 @@ mod tests {
         write(at("mask/10.npy"), npy("|b1", &[1; 6])).unwrap();
         write(at("mask/2.npy"), npy("|u1", &[7; 6])).unwrap();
         let frames = open(folder.path());
-        assert_eq!([frames.name(0), frames.name(1)], ["10", "2"]);
+        assert_eq!([frames.name(0), frames.name(1)], ["2", "10"]);
         assert!(frames.read(0).unwrap_err().to_string().contains("there is no camera in"));
         write(at("camera_info.yaml"), info(10)).unwrap();
         let frames = open(folder.path());
-        assert_eq!(frames.read(0).unwrap().frame().depths(), [0.25; 6]);
-        assert_eq!(frames.read(1).unwrap().frame().labels(), [1; 6]);
+        assert_eq!(frames.read(1).unwrap().frame().depths(), [0.25; 6]);
+        assert_eq!(frames.read(0).unwrap().frame().labels(), [1; 6]);
         write(at("camera_info.yaml"), info(10).replace("width: 3\nheight: 2", "width: 2\nheight: 3")).unwrap();
         assert!(frames.read(0).unwrap_err().to_string().starts_with("the depth image has 3 × 2 pixels, the camera 2 × 3"));
     }

@@ -74,6 +74,7 @@ impl Actor {
         let name = format!("{role:?}").split(' ').next().unwrap().to_owned();
         command.env("BEO_TEST_ROLE", name).env("BEO_TEST_INSTANCE", instance);
         command.env("BEO_TEST_EVERY_MS", every_ms.to_string()).env("BEO_TEST_SEARCH", search.code().to_string());
+        command.env("BEO_TEST_PARENT", std::process::id().to_string());
         Self { process: Running::start(command), id: 0 }
     }
 
@@ -123,9 +124,10 @@ fn say(line: String) {
 
 /// Until it is interrupted, or the test that started it is gone.
 fn running() -> bool {
-    static PARENT: OnceLock<u32> = OnceLock::new();
-    let parent = parent_id();
-    !STOP.load(Ordering::Relaxed) && parent == *PARENT.get_or_init(|| parent)
+    // Not the parent of the first call: the test may be gone before it.
+    static PARENT: OnceLock<Option<u32>> = OnceLock::new();
+    let parent = PARENT.get_or_init(|| std::env::var("BEO_TEST_PARENT").ok().and_then(|id| id.parse().ok()));
+    !STOP.load(Ordering::Relaxed) && *parent == Some(parent_id())
 }
 
 fn rest() {
