@@ -66,7 +66,7 @@ fn perceived(folder: &Path, count: usize) -> Vec<Percept> {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/household.safetensors");
     let _daemon = serve_with(&name, &model, |command| command);
     let subscriber = Subscriber::open_within(&InstanceName::new(&name).unwrap(), &SubscriberOptions::default(), PATIENCE).unwrap();
-    let (code, said, errors) = beo_camera(folder, &["--instance", &name]);
+    let (code, said, errors) = beo_camera(folder, &["--instance", &name, "--track=none"]);
     assert_eq!(code, Some(0), "{said}{errors}");
     // The next frame is sent when the one before is answered.
     percepts(&subscriber, count)

@@ -23,6 +23,8 @@ fn all_series_are_measured_and_drawn() {
         ("shapes", vec![vec![25.0, 40.0]; 5]),
         ("share of voxels hidden", vec![vec![0.2, 0.6]; 4]),
         ("subscribers", vec![vec![1.0, 2.0]; 2]),
+        ("classes before a camera", vec![vec![2.0, 3.0]; 2]),
+        ("voxels along a side before a camera", vec![vec![10.0, 12.0]; 2]),
     ];
     for measured in series.iter().filter(|s| s["name"] != "threads") {
         let (name, of_lines) = expected.remove(0);
@@ -38,7 +40,9 @@ fn all_series_are_measured_and_drawn() {
         assert!(values.iter().all(|v| *v >= least), "{line}");
         assert_eq!(line["exponent"].is_f64(), values.iter().filter(|v| **v > 0.0).count() > 1, "{line}");
     }
-    for name in ["classes", "basis", "resolution", "training", "shapes", "unknown", "threads", "subscribers"] {
+    for name in
+        ["classes", "basis", "resolution", "training", "shapes", "unknown", "threads", "subscribers", "camera-classes", "camera-resolution"]
+    {
         assert!(folder.path().join(format!("scale-{name}.png")).metadata().unwrap().len() > 1000, "{name}");
     }
 }

@@ -70,7 +70,7 @@ impl Recipe {
         let options = TrainOptions {
             basis_range: [self.basis, self.basis],
             folds: 2,
-            camera_elevations_deg: vec![20.0, 45.0, 70.0],
+            camera_elevations_deg: vec![20.0, 45.0],
             ..TrainOptions::default()
         };
         train(&self.shapes(), &options, &|_| ())

@@ -92,7 +92,7 @@ impl Scale {
             Sweep::Unknown => self.unknown(if quick { &[0.2, 0.6] } else { &[0.05, 0.1, 0.2, 0.4, 0.6] }),
             Sweep::Threads => self.threads(),
             Sweep::CameraClasses => self.camera_classes(if quick { &[2, 3] } else { &[7, 14, 28, 55] }),
-            Sweep::CameraResolution => self.camera_resolution(if quick { &[12, 16] } else { &[30, 40, 50, 64] }),
+            Sweep::CameraResolution => self.camera_resolution(if quick { &[10, 12] } else { &[30, 40, 50, 64] }),
             Sweep::Subscribers => self.subscribers(if quick { &[1, 2] } else { &[1, 2, 4, 8, 16] }),
         }
     }
@@ -126,7 +126,7 @@ impl Scale {
     }
 
     fn camera_classes(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
-        let recipe = Recipe { basis: if self.quick { 5 } else { 10 }, ..self.effort.recipe };
+        let recipe = Recipe { basis: if self.quick { 3 } else { 10 }, ..self.effort.recipe };
         let why =
             "densities of the view are computed for every class and step of yaw; of at most three classes modes are refined, and completed";
         let cases = sizes.iter().map(|&classes| Recipe { classes, ..recipe }.asked_by_camera(classes as f64));
@@ -140,7 +140,7 @@ impl Scale {
     }
 
     fn camera_resolution(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
-        let recipe = Recipe { classes: if self.quick { 2 } else { 7 }, basis: if self.quick { 5 } else { 10 }, ..self.effort.recipe };
+        let recipe = Recipe { classes: if self.quick { 2 } else { 7 }, basis: if self.quick { 3 } else { 10 }, ..self.effort.recipe };
         let why = "the view's frame and the lattices on which modes are refined keep their sizes; reading, the last evidence of a mode and the \
                    completion take all voxels";
         let cases = sizes.iter().map(|&resolution| Recipe { resolution, ..recipe }.asked_by_camera(resolution as f64));
