@@ -8,7 +8,7 @@ use std::process::Command;
 /// Builds the package as tests build things, and gives its path.
 fn package() -> PathBuf {
     let mut command = Command::new(repository().join("packaging/debian"));
-    command.arg(scratch("package")).env("BEO_PROFILE", "dev");
+    command.arg(scratch("package")).env("BEO_PROFILE", "dev").env("BEO_PROGRAM", env!("CARGO_BIN_EXE_beo"));
     PathBuf::from(text(&run(command).stdout).lines().last().unwrap())
 }
 
