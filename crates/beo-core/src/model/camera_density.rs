@@ -69,10 +69,10 @@ impl CameraDensities {
 mod tests {
     use super::*;
 
-    #[test]
-    fn elevations_between_two_are_shared_by_them() {
-        let densities = CameraDensities {
-            elevations: vec![0.2, 0.6, 1.0],
+    /// Densities of these elevations, and nothing in them.
+    fn learned_at(elevations: Vec<f64>) -> CameraDensities {
+        CameraDensities {
+            elevations,
             components: vec![],
             size: 0,
             basis: vec![],
@@ -82,7 +82,12 @@ mod tests {
             regression: vec![],
             deviations: vec![],
             forest: None,
-        };
+        }
+    }
+
+    #[test]
+    fn elevations_between_two_are_shared_by_them() {
+        let densities = learned_at(vec![0.2, 0.6, 1.0]);
         assert_eq!(densities.beside(0.1), [(0, 1.0), (0, 0.0)]);
         assert_eq!(densities.beside(1.5), [(2, 1.0), (2, 0.0)]);
         let [(low, a), (high, b)] = densities.beside(0.7);
@@ -92,18 +97,7 @@ mod tests {
 
     #[test]
     fn gaussians_stand_by_elevation_then_yaw_then_component() {
-        let densities = CameraDensities {
-            elevations: vec![0.2, 0.6],
-            components: vec![],
-            size: 0,
-            basis: vec![],
-            means: vec![],
-            whitening: vec![],
-            offsets: vec![],
-            regression: vec![],
-            deviations: vec![],
-            forest: None,
-        };
+        let densities = learned_at(vec![0.2, 0.6]);
         let places = (0..2).flat_map(|e| (0..YAWS).flat_map(move |yaw| (0..5).map(move |component| (e, yaw, component))));
         for (place, (elevation, yaw, component)) in places.enumerate() {
             assert_eq!(densities.place(elevation, yaw, component, 5), place);

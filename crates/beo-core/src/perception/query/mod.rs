@@ -83,41 +83,7 @@ impl Query {
         let (mut log_prior, mut rotation_prior) = (std::mem::take(&mut self.log_prior), std::mem::take(&mut self.rotation_prior));
         log_prior.clone_from(&other.log_prior);
         rotation_prior.set(&other.rotation_prior);
-        let Self {
-            method,
-            pose,
-            expected,
-            outside,
-            view,
-            camera,
-            scale,
-            lying,
-            is_cut,
-            voxel_size_m,
-            completion,
-            frame,
-            projection,
-            paper_pose,
-            ..
-        } = *other;
-        *self = Self {
-            method,
-            pose,
-            rotation_prior,
-            expected,
-            outside,
-            view,
-            camera,
-            scale,
-            lying,
-            is_cut,
-            voxel_size_m,
-            log_prior,
-            completion,
-            frame,
-            projection,
-            paper_pose,
-        };
+        *self = Self { log_prior, rotation_prior, ..*other };
     }
 
     /// log P(s) of a class, up to a constant.

@@ -50,35 +50,30 @@ impl Asked {
 
     /// Microseconds of each of [`CAMERA_STAGES`], for the next observation, on one thread.
     pub fn once_by_camera(&mut self) -> Result<Vec<f64>, PerceiveError> {
-        let Self { perceiver, observations, work, percept, next, bytes, camera, .. } = self;
-        let observation = &observations[*next];
-        *next = (*next + 1) % observations.len();
-        let [occupancy, deviation] = bytes;
-        [&mut *occupancy, &mut *deviation].into_iter().for_each(|bytes| bytes.resize(observation.dims().voxels(), 0));
         let query = Query {
-            camera: *camera,
+            camera: self.camera,
             pose: PoseSearch::YAW,
             scale: ScaleSearch::Search { side: None },
             outside: Outside::Unknown,
             ..Query::default()
         };
-        let start = Instant::now();
-        let answer = perceiver.classify(observation, &query, work, percept)?;
-        let classified = Instant::now();
-        answer.complete_into(occupancy, deviation)?;
-        Ok(vec![microseconds(start, classified), microseconds(classified, Instant::now())])
+        self.once_with(&query).map(Vec::from)
     }
 
-    /// Microseconds of the first two of [`STAGES`], for the next observation; the completion as bytes.
+    /// Microseconds of the first two of [`STAGES`], for the next observation.
     pub fn once_known(&mut self) -> Result<[f64; 2], PerceiveError> {
+        self.once_with(&Query::default())
+    }
+
+    /// Microseconds that the answer to a query about the next observation takes, and its completion as bytes.
+    fn once_with(&mut self, query: &Query) -> Result<[f64; 2], PerceiveError> {
         let Self { perceiver, observations, work, percept, next, bytes, .. } = self;
         let observation = &observations[*next];
         *next = (*next + 1) % observations.len();
         let [occupancy, deviation] = bytes;
         [&mut *occupancy, &mut *deviation].into_iter().for_each(|bytes| bytes.resize(observation.dims().voxels(), 0));
-        let known = Query::default();
         let start = Instant::now();
-        let answer = perceiver.classify(observation, &known, work, percept)?;
+        let answer = perceiver.classify(observation, query, work, percept)?;
         let classified = Instant::now();
         answer.complete_into(occupancy, deviation)?;
         Ok([microseconds(start, classified), microseconds(classified, Instant::now())])

@@ -10,7 +10,7 @@ use crate::benchmark::cores::usable;
 use crate::benchmark::percentiles::median;
 use beo_core::grid::{Dims, Observation, Occupancy};
 use beo_core::model::Model;
-use beo_core::perception::Perceiver;
+use beo_core::perception::{PerceiveError, Perceiver};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -148,22 +148,6 @@ impl Scale {
         self.camera_queries("voxels along a side before a camera", setting, why, [3.0; 2], cases)
     }
 
-    /// A series with the lines of [`queries::CAMERA_STAGES`].
-    fn camera_queries(
-        &self,
-        name: &str,
-        setting: String,
-        why: &str,
-        expected: [f64; 2],
-        cases: impl Iterator<Item = Result<(f64, Asked), ScaleError>>,
-    ) -> Result<Series, ScaleError> {
-        let (sizes, mut cases): (Vec<f64>, Vec<Asked>) = cases.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        let medians = in_turns(&mut cases, Asked::once_by_camera, self.effort.time)?;
-        let lines = queries::CAMERA_STAGES.iter().zip(expected).enumerate();
-        let lines = lines.map(|(stage, (name, expected))| Line::new(name, expected, points(&sizes, &medians, stage))).collect();
-        Ok(Series { name: name.into(), setting, why: why.into(), lines })
-    }
-
     fn training(&self, sizes: &[usize]) -> Result<Series, ScaleError> {
         let recipe = Recipe { classes: 2, basis: 8, ..self.effort.recipe };
         let cases = sizes.iter().map(|&resolution| (resolution as f64, Recipe { resolution, ..recipe }));
@@ -259,9 +243,34 @@ impl Scale {
         expected: [f64; 3],
         cases: impl Iterator<Item = Result<(f64, Asked), ScaleError>>,
     ) -> Result<Series, ScaleError> {
+        self.timed(name, setting, why, (queries::STAGES, expected), Asked::once, cases)
+    }
+
+    /// A series with the lines of [`queries::CAMERA_STAGES`].
+    fn camera_queries(
+        &self,
+        name: &str,
+        setting: String,
+        why: &str,
+        expected: [f64; 2],
+        cases: impl Iterator<Item = Result<(f64, Asked), ScaleError>>,
+    ) -> Result<Series, ScaleError> {
+        self.timed(name, setting, why, (queries::CAMERA_STAGES, expected), Asked::once_by_camera, cases)
+    }
+
+    /// A series with a line for each stage, with its expected exponent, of what `once` times.
+    fn timed<const N: usize>(
+        &self,
+        name: &str,
+        setting: String,
+        why: &str,
+        (stages, expected): ([&str; N], [f64; N]),
+        once: impl Fn(&mut Asked) -> Result<Vec<f64>, PerceiveError>,
+        cases: impl Iterator<Item = Result<(f64, Asked), ScaleError>>,
+    ) -> Result<Series, ScaleError> {
         let (sizes, mut cases): (Vec<f64>, Vec<Asked>) = cases.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        let medians = in_turns(&mut cases, Asked::once, self.effort.time)?;
-        let lines = queries::STAGES.iter().zip(expected).enumerate();
+        let medians = in_turns(&mut cases, once, self.effort.time)?;
+        let lines = stages.iter().zip(expected).enumerate();
         let lines = lines.map(|(stage, (name, expected))| Line::new(name, expected, points(&sizes, &medians, stage))).collect();
         Ok(Series { name: name.into(), setting, why: why.into(), lines })
     }
