@@ -1,6 +1,7 @@
 //! The page of `beo view --web`: files that are compiled into the program, over HTTP. It answers GET, and nothing else.
 
 use crate::recording::LiveError;
+use std::borrow::Cow;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
@@ -69,7 +70,7 @@ fn answer(mut stream: TcpStream, live_port: u16) -> io::Result<()> {
     stream.set_write_timeout(Some(PATIENCE))?;
     let (status, kind, content) = match read_path(&mut stream)? {
         Ok(path) => content_of(&path, live_port),
-        Err(status) => (status, "text/plain", status.as_bytes().to_vec()),
+        Err(status) => (status, "text/plain", status.as_bytes().into()),
     };
     let head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nContent-Security-Policy: {POLICY}\r\n\
@@ -80,13 +81,13 @@ fn answer(mut stream: TcpStream, live_port: u16) -> io::Result<()> {
     stream.write_all(&content)
 }
 
-fn content_of(path: &str, live_port: u16) -> (&'static str, &'static str, Vec<u8>) {
+fn content_of(path: &str, live_port: u16) -> (&'static str, &'static str, Cow<'static, [u8]>) {
     if path == "/server.json" {
-        return ("200 OK", "application/json", format!("{{\"port\":{live_port}}}").into_bytes());
+        return ("200 OK", "application/json", format!("{{\"port\":{live_port}}}").into_bytes().into());
     }
     match FILES.iter().find(|(name, ..)| *name == path) {
-        Some(&(_, kind, content)) => ("200 OK", kind, content.to_vec()),
-        None => ("404 Not Found", "text/plain", b"there is no such file".to_vec()),
+        Some(&(_, kind, content)) => ("200 OK", kind, content.into()),
+        None => ("404 Not Found", "text/plain", b"there is no such file".as_slice().into()),
     }
 }
 
