@@ -3,15 +3,21 @@
 
 use beo_camera::{GridOptions, carve, lay_grids};
 use beo_core::grid::{Dims, Observation, Outside, Rotation, Turn, View, distance_transform, yaw};
+use beo_core::lanes::dispatch;
+use beo_core::learning::{AtRest, ViewSample};
 use beo_core::linear;
-use beo_core::model::{Model, load};
+use beo_core::model::{CAMERA_MEASURES, Model, load};
+use beo_core::perception::kernels::row_gram::{AddGram, packed_len, span};
 use beo_core::perception::{
-    ClassSubspace, ColumnSums, Conditional, Gaussian, Known, Method, Perceiver, Percept, PoseSearch, Query, RotationPrior,
+    ClassSubspace, ColumnSums, Conditional, Gaussian, Known, Method, Perceiver, Percept, PoseSearch, Query, RotationPrior, ScaleSearch,
 };
+use beo_core::simulation::Sensing;
 use beo_lab::benchmark::latency::objects_on_table;
-use beo_shapes::furniture;
+use beo_shapes::{furniture, household};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use faer::Mat;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use std::hint::black_box;
 use std::sync::Arc;
 
@@ -173,11 +179,78 @@ fn camera(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// One household thing of each class on a table, seen by a depth sensor with its faults.
+fn on_tables(dims: Dims) -> Vec<ViewSample> {
+    let see = |class: &&str| -> ViewSample {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let shape = household::make(class, dims, 1).expect("its own class");
+        let at_rest = AtRest::new(&shape, None, Rotation::identity(), Some(0.15)).expect("it is not empty");
+        let views = (0..20).find_map(|_| at_rest.see_finely(TURN, 0.6, Sensing::Mixed, &mut rng));
+        views.expect("enough of it is seen")
+    };
+    household::CLASSES.iter().map(see).collect()
+}
+
+/// What answers a camera's observation, all unknown, by the household model: whole queries, searched and followed, and two of their kernels.
+fn before_a_camera(criterion: &mut Criterion) {
+    let model = load(concat!(env!("CARGO_MANIFEST_DIR"), "/models/household.safetensors").as_ref()).expect("the shipped model");
+    let perceiver = Perceiver::new(Arc::new(model)).unwrap();
+    let views = on_tables(perceiver.model().dims());
+    let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
+    let of = |view: &ViewSample| Query {
+        camera: Some(view.camera),
+        pose: PoseSearch::YAW,
+        lying: true,
+        scale: ScaleSearch::Search { side: None },
+        outside: Outside::Unknown,
+        voxel_size_m: view.voxel_m,
+        ..Query::default()
+    };
+    let mut asked: Vec<(&ViewSample, Query)> = views.iter().map(|view| (view, of(view))).collect();
+    let mut group = criterion.benchmark_group("before a camera");
+    for (name, completion, is_followed) in [
+        ("class, pose, size and place", false, false),
+        ("the same with completion", true, false),
+        ("followed", false, true),
+        ("followed, with completion", true, true),
+    ] {
+        for (view, query) in &mut asked {
+            query.completion = completion;
+            query.expected = None;
+            if is_followed {
+                perceiver.classify(&view.observation, query, &mut work, &mut percept).unwrap();
+                query.expected = percept.expected.clone();
+            }
+        }
+        let mut next = in_turn(&asked);
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let (view, query) = next.next().unwrap();
+                let classified = perceiver.classify(&view.observation, query, &mut work, &mut percept).unwrap();
+                if completion {
+                    classified.complete().unwrap();
+                }
+            })
+        });
+    }
+    let forest = perceiver.model().camera_densities().and_then(|cameras| cameras.forest.as_ref()).expect("of the shipped model");
+    let (measures, mut shares) = ([0.5_f32; CAMERA_MEASURES], Vec::new());
+    group.bench_function("the forest's shares", |b| b.iter(|| forest.shares(black_box(&measures), &mut shares)));
+    for width in [32, 64] {
+        let rows = vec![0.5_f32; 256 * width + span(width)];
+        let mut gram = vec![0.0; packed_len(width)];
+        group.bench_function(BenchmarkId::new("Gram matrix of 256 rows", width), |b| {
+            b.iter(|| dispatch(AddGram::of_all(black_box(&rows), 256, width, width, &mut gram)));
+        });
+    }
+    group.finish();
+}
+
 /// Few samples: what is compared are medians, and a search over rotations takes its time.
 fn settings() -> Criterion {
     let times = std::time::Duration::from_secs;
     Criterion::default().sample_size(20).warm_up_time(times(1)).measurement_time(times(2))
 }
 
-criterion_group!(name = kernels; config = settings(); targets = class, hull, cholesky, grids, query, camera);
+criterion_group!(name = kernels; config = settings(); targets = class, hull, cholesky, grids, query, camera, before_a_camera);
 criterion_main!(kernels);

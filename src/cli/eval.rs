@@ -1,6 +1,7 @@
 //! `beo eval`: the paper's protocol.
 
 use super::arguments::{PoseArgument, PriorArgument, ProjectionArgument};
+use super::eval_tables::{TableArguments, TableEvaluation};
 use super::failure::{Failure, cannot_write};
 use super::leave_one_out::LeaveOneOut;
 use super::progress;
@@ -89,6 +90,8 @@ pub struct Eval {
     #[arg(long, value_name = "DIR")]
     png: Option<PathBuf>,
     #[command(flatten)]
+    tables: TableArguments,
+    #[command(flatten)]
     shaping: ShapeArguments,
 }
 
@@ -119,6 +122,9 @@ enum SeenFrom {
     Side,
     /// By a camera
     Camera,
+    /// At rest on a table, by depth sensors with their faults, everything unknown: --elevation gives the lowest and the highest, --azimuths the
+    /// views of each
+    Table,
 }
 
 /// How the paper's method finds the pose.
@@ -152,7 +158,7 @@ impl Eval {
         match self.view {
             SeenFrom::Side => return usage("--view side: only with --leave-one-out; use --view top or --view camera".into()),
             SeenFrom::Top => return Ok(vec![Viewpoint::Top]),
-            SeenFrom::Camera => (),
+            SeenFrom::Camera | SeenFrom::Table => (),
         }
         if self.elevation.is_empty() || !self.elevation.iter().all(|e| (-90.0..=90.0).contains(e)) {
             return usage("--elevation: use angles from -90 to 90 degrees".into());
@@ -176,11 +182,39 @@ impl Eval {
         Ok(self.elevation.iter().flat_map(|e| self.fuse.iter().map(move |f| viewpoint(e, f))).collect())
     }
 
+    /// Whether what is asked of shapes on tables can be answered, and nothing about tables is said of other views.
+    fn check_tables(&self) -> Result<(), Failure> {
+        let usage = |line: String| Err(Failure::Usage(line));
+        if self.view != SeenFrom::Table {
+            return match self.tables.given() {
+                Some(flag) => usage(format!("{flag}: only with --view table")),
+                None => Ok(()),
+            };
+        }
+        let changed = [
+            ("--pose", !matches!(self.pose, PoseArgument::Known)),
+            ("--known-class", self.known_class),
+            ("--icp", self.icp),
+            ("--method", self.method != [Method::Auto]),
+            ("--distance", self.distance != CAMERA_DISTANCE),
+            ("--fuse", self.fuse != [1]),
+            ("--find-size", self.find_size),
+            ("--limit", self.limit.is_some()),
+            ("--png", self.png.is_some()),
+        ];
+        match changed.into_iter().find(|(_, is_changed)| *is_changed) {
+            Some((flag, _)) => usage(format!("{flag}: with --view table everything is unknown and asked once; leave it out")),
+            None => Ok(()),
+        }
+    }
+
     fn leave_one_out(&self) -> Result<(), Failure> {
         let view = match self.view {
             SeenFrom::Top => OneView::Top,
             SeenFrom::Side => OneView::Side,
-            SeenFrom::Camera => return Err(Failure::Usage("--leave-one-out: use --view top or --view side".into())),
+            SeenFrom::Camera | SeenFrom::Table => {
+                return Err(Failure::Usage("--leave-one-out: use --view top or --view side".into()));
+            }
         };
         LeaveOneOut {
             dir: &self.dir,
@@ -203,6 +237,7 @@ impl Eval {
             return Err(Failure::Usage("--resolution: a model has its own; only with --leave-one-out".into()));
         }
         let viewpoints = self.viewpoints()?;
+        self.check_tables()?;
         let pose = self.pose.search(self.yaw_span)?;
         if self.icp && pose == PoseSearch::Known {
             return Err(Failure::Usage("--icp: in known pose there is nothing to align; give --pose yaw or --pose full".into()));
@@ -222,20 +257,25 @@ impl Eval {
             warn!("warning: the model was trained on split `{split}`: these figures say nothing about new objects");
         }
         let read = self.shaping.read_options(model.dims())?;
+        if self.view == SeenFrom::Table {
+            let elevations = || self.elevation.iter().map(|degrees| degrees.to_radians());
+            let evaluation = TableEvaluation {
+                dir: &self.dir,
+                split: self.split.as_ref(),
+                perceiver: &perceiver,
+                read,
+                elevations_rad: [elevations().fold(f64::INFINITY, f64::min), elevations().fold(f64::NEG_INFINITY, f64::max)],
+                views: self.azimuths,
+                seed: self.seed,
+                json: self.json.as_deref(),
+                tables: &self.tables,
+            };
+            return evaluation.run();
+        }
         let shapes =
             shapes::load(&self.dir, self.split.as_slice(), &LoadOptions { read, skip_duplicates: false, minimum: 0, units: Units::None })?;
         let names: Vec<&str> = model.class_names().collect();
-        let classes = shapes
-            .set
-            .classes
-            .iter()
-            .map(|class| {
-                names
-                    .iter()
-                    .position(|n| n == class)
-                    .ok_or_else(|| Failure::Failed(format!("class `{class}` is not in the model, which knows {}", names.join(", "))))
-            })
-            .collect::<Result<Vec<_>, _>>()?;
+        let classes = shapes::classes_in(&shapes.set.classes, &model)?;
         let chosen = sample(&shapes.set, self.limit, self.seed);
         let protocols: Vec<Protocol> =
             viewpoints.iter().map(|viewpoint| Protocol { viewpoint: *viewpoint, seed: self.seed, known_class: self.known_class }).collect();

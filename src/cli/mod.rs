@@ -14,6 +14,8 @@ mod connecting;
 mod demo;
 #[cfg(feature = "lab")]
 mod eval;
+#[cfg(feature = "lab")]
+mod eval_tables;
 mod failure;
 mod found_models;
 mod generate;

@@ -3,6 +3,8 @@
 use super::failure::Failure;
 use super::progress;
 use beo_core::grid::{Dims, Observation, Occupancy, Outside, Turn, View, yaw};
+#[cfg(feature = "lab")]
+use beo_core::model::Model;
 use beo_core::simulation::{self, Eye};
 use beo_shapes::library::{self, LoadOptions, Shapes};
 use beo_shapes::{Close, HOW_TO_CLOSE, Note, Placing, ReadOptions, Up, longest_side, read_observation, read_shape_noted};
@@ -306,4 +308,15 @@ pub fn require_flat(folder: &Path) -> Result<(), Failure> {
     } else {
         Err(Failure::Usage(format!("name one of the splits of {} with --split: {}", folder.display(), splits.join(", "))))
     }
+}
+
+/// For each class of some shapes its place among a model's classes.
+#[cfg(feature = "lab")]
+pub fn classes_in(classes: &[String], model: &Model) -> Result<Vec<usize>, Failure> {
+    let place = |class: &String| {
+        let known = || model.class_names().collect::<Vec<_>>().join(", ");
+        let unknown = || Failure::Failed(format!("class `{class}` is not in the model, which knows {}", known()));
+        model.class_names().position(|name| name == class).ok_or_else(unknown)
+    };
+    classes.iter().map(place).collect()
 }

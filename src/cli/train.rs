@@ -17,7 +17,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How many times finer than the model's the grids are whose shapes cameras see.
-const FINER: usize = 2;
+pub(super) const FINER: usize = 2;
 
 /// Learn a model from a folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder, or as ShapeNet and YCB lay
 /// them out
@@ -73,7 +73,7 @@ pub struct Train {
 
 /// The unit of length of the files.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum UnitsArgument {
+pub(super) enum UnitsArgument {
     /// Metres
     M,
     /// Centimetres
@@ -87,7 +87,7 @@ enum UnitsArgument {
 }
 
 impl UnitsArgument {
-    fn units(self, folder: &Path) -> Result<Units, Failure> {
+    pub fn units(self, folder: &Path) -> Result<Units, Failure> {
         Ok(match self {
             Self::M => Units::Metres,
             Self::Cm => Units::Centimetres,
@@ -107,7 +107,9 @@ impl UnitsArgument {
 
 /// The errors of sensors and masks.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum SensorsArgument {
+pub(super) enum SensorsArgument {
+    /// No noise, nothing else in view, masks without faults
+    Ideal,
     /// Little noise, near by, masks without faults
     Mild,
     /// Structured light, as of the first Kinect
@@ -121,8 +123,9 @@ enum SensorsArgument {
 }
 
 impl SensorsArgument {
-    fn sensing(self) -> Sensing {
+    pub fn sensing(self) -> Sensing {
         match self {
+            Self::Ideal => Sensing::Ideal,
             Self::Mild => Sensing::Mild,
             Self::Kinect => Sensing::Of(SensorKind::StructuredLight),
             Self::Realsense => Sensing::Of(SensorKind::Stereo),

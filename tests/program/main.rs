@@ -21,6 +21,7 @@ mod real_shapes;
 mod record;
 mod resources;
 mod service;
+mod tables;
 mod training;
 mod usage;
 mod view;

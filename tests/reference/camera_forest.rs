@@ -30,14 +30,14 @@ impl Reference {
         let forest = self.model.camera_densities().and_then(|densities| densities.forest.as_ref()).expect("a forest");
         let camera = self.model.metadata.calibration.camera.as_ref().expect("calibrated for cameras");
         let mut shares = shares(forest, &measures(frame, seen, voxel_size_m));
-        let none = shares.pop().expect("a share of none").clamp(0.0025, 0.9975);
+        let none = shares.pop().expect("a share of none").clamp(0.001, 0.999);
         let calibration = camera.none.expect("calibrated for none");
         let logit = calibration.constant + calibration.weight * (none / (1.0 - none)).ln();
         Asked { log_shares: shares.iter().map(|share| (share + LEAST_SHARE).ln()).collect(), none: 1.0 / (1.0 + (-logit).exp()) }
     }
 }
 
-/// Mean shares over the trees.
+/// Odds by the sum over the trees, as shares.
 fn shares(forest: &Forest, inputs: &[f64]) -> Vec<f64> {
     let leaf = |mut node: usize| {
         while forest.asks[node] != LEAF {
@@ -48,8 +48,9 @@ fn shares(forest: &Forest, inputs: &[f64]) -> Vec<f64> {
         forest.next[node] as usize
     };
     let leaves: Vec<usize> = forest.roots.iter().map(|root| leaf(*root as usize)).collect();
-    let share = |outcome: usize| leaves.iter().map(|leaf| forest.shares[leaf * forest.outcomes + outcome].to_f64()).sum::<f64>();
-    (0..forest.outcomes).map(|outcome| share(outcome) / leaves.len() as f64).collect()
+    let odds = |outcome: usize| leaves.iter().map(|leaf| forest.scores[leaf * forest.outcomes + outcome].to_f64()).sum::<f64>().exp();
+    let total: f64 = (0..forest.outcomes).map(odds).sum();
+    (0..forest.outcomes).map(|outcome| odds(outcome) / total).collect()
 }
 
 /// Place in the box about what is seen, as shares of its sides: depth, width, height; none outside.

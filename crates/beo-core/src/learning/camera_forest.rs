@@ -4,10 +4,10 @@
 //! densities of the shadow say how an object lies and are one witness of its class; the forest is another, which sees true lengths, widths
 //! by height and how surfaces bend. How much either counts is fitted on shapes that were left out (`camera_calibration`).
 
+use super::boosting::{Growth, Samples, grow};
 use super::calibration::fit_blend;
 use super::camera_views::{AtRest, ComponentShapes, ViewSample, Views, stream};
 use super::distractors::distractor;
-use super::forest::{Growth, Samples, grow};
 use crate::linear::LinearError;
 use crate::model::{Forest, NoneCalibration};
 use crate::perception::camera::{MEASURES, MeasureScratch, measure};
@@ -20,11 +20,8 @@ const PER_SHAPE: usize = 14;
 const MOST_VIEWS: usize = 24_000;
 /// Of so many of the views the size of voxels is not told, so that the forest answers without it too.
 const WITHOUT_SIZE: f64 = 0.15;
-/// How the trees grow.
-const TREES: usize = 80;
-const LEAST_LEAF: usize = 8;
-/// Size of the forest in a model's file, bytes, about: the more classes, the larger its leaves.
-const MOST_BYTES: usize = 4_000_000;
+/// How the trees grow, but for the seed.
+const GROWTH: Growth = Growth { trees: 400, rate: 0.08, leaves: 31, least_leaf: 40, ridge: 10.0, inputs: 0.15, seed: 0 };
 /// Highest camera, radians.
 const HIGHEST: f64 = 1.5;
 /// Attempts at a view in which enough is seen.
@@ -50,7 +47,8 @@ impl Measured {
             let own = parts.iter().filter(|part| part.component.class == class);
             own.map(|part| {
                 let shapes = part.shapes.iter().filter(|shape| is_allowed(class, shape.shape)).collect::<Vec<_>>();
-                (part.component.probability, shapes)
+                // The root: things seldom lie on their sides, and are to be known all the same.
+                (part.component.probability.sqrt(), shapes)
             })
             .filter(|(_, shapes)| !shapes.is_empty())
             .collect()
@@ -74,10 +72,10 @@ impl Measured {
                 let made;
                 let shape = match by_class.get(outcome) {
                     Some(ways) => {
-                        let total: f64 = ways.iter().map(|(p, _)| p).sum();
+                        let total: f64 = ways.iter().map(|(weight, _)| weight).sum();
                         let mut left = total * rng.random_range(0.0..1.0);
-                        let (_, shapes) = ways.iter().find(|(p, _)| {
-                            left -= p;
+                        let (_, shapes) = ways.iter().find(|(weight, _)| {
+                            left -= weight;
                             left <= 0.0
                         })?;
                         shapes[rng.random_range(0..shapes.len())]
@@ -110,7 +108,7 @@ impl Measured {
     /// A forest of them.
     pub fn forest(&self, classes: usize, seed: u64) -> Forest {
         let samples = Samples { inputs: &self.inputs, width: MEASURES, outcomes: &self.outcomes, count: classes + 1 };
-        grow(&samples, &Growth { trees: TREES, least_leaf: least_leaf(self.outcomes.len(), classes), seed })
+        grow(&samples, &Growth { seed, ..GROWTH })
     }
 
     /// How a forest's share of none becomes a probability on these views, which it must not have seen: logistic regression.
@@ -128,14 +126,6 @@ impl Measured {
         let prior = -(classes as f64).ln();
         Ok(NoneCalibration { constant: fitted.offsets[1] - fitted.offsets[0] + prior, weight: fitted.weights[0] })
     }
-}
-
-/// Fewest views of a leaf, of so many views and classes.
-fn least_leaf(views: usize, classes: usize) -> usize {
-    // A share of each class and of none in 16 bits, and the two nodes of about nine bytes that a leaf stands for.
-    let bytes = 2 * (classes + 1) + 18;
-    // Leaves turn out larger than they must be, by a third.
-    (TREES * views * 3 * bytes / 4 / MOST_BYTES).max(LEAST_LEAF)
 }
 
 /// The measures of a view.

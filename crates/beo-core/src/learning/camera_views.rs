@@ -49,7 +49,7 @@ pub struct Views<'a> {
 /// A shape as it rests.
 pub struct AtRest {
     /// Its place among the shapes of its class.
-    pub shape: usize,
+    pub(super) shape: usize,
     /// Turned so that it rests on a horizontal plane.
     turned: Occupancy,
     /// The same on a finer grid, centred alike, if there is one.
@@ -57,7 +57,7 @@ pub struct AtRest {
     /// The rotation that did that.
     rotation: Rotation,
     /// Longest side, metres, if it is known.
-    pub side_m: Option<f64>,
+    pub(super) side_m: Option<f64>,
     /// Lengths of the box about the shape along its canonical axes, voxels.
     lengths: [f64; 3],
     /// Size of the canonical grid.
@@ -100,16 +100,10 @@ fn parts_of(class: usize, shapes: &ClassShapes<'_>, lying: bool) -> Vec<Componen
         };
         for pose in poses {
             let at_rest = |(n, rotation): (usize, &Option<Rotation>)| -> Option<AtRest> {
-                let (object, rotation) = (objects[n], (*rotation)?);
-                let turn = |object: &Occupancy| match rotation.angle() < 1e-9 {
-                    true => object.clone(),
-                    false => Turn::new(object.dims(), &rotation).occupancy(object),
-                };
-                let (turned, fine) = (turn(object), shapes.fine.map(|fine| turn(fine[members[n]])));
-                let [low, high] = object.bounds()?;
-                let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64);
                 let side_m = shapes.lengths_m.map(|lengths| lengths[members[n]].into_iter().fold(0.0, f64::max));
-                (turned.count() > 0).then_some(AtRest { shape: members[n], turned, fine, rotation, side_m, lengths, dims: object.dims() })
+                let fine = shapes.fine.map(|fine| fine[members[n]]);
+                let at_rest = AtRest::new(objects[n], fine, (*rotation)?, side_m)?;
+                Some(AtRest { shape: members[n], ..at_rest })
             };
             let shapes: Vec<AtRest> = pose.of.par_iter().enumerate().filter_map(at_rest).collect();
             let component =
@@ -151,7 +145,7 @@ pub struct ViewSample {
     /// Where the camera was, in voxels from the grid's centre.
     pub camera: Vector3<f64>,
     /// The view's frame.
-    pub frame: ViewFrame,
+    pub(super) frame: ViewFrame,
     /// The observation.
     pub observation: Observation,
     /// How the shape's canonical grid truly lies.
@@ -163,18 +157,31 @@ pub struct ViewSample {
 }
 
 impl AtRest {
+    /// A shape turned so that it rests on a horizontal plane; `fine` is the shape on a finer grid, centred alike, and `side_m` its longest side,
+    /// metres. `None` where nothing is left of it.
+    pub fn new(object: &Occupancy, fine: Option<&Occupancy>, rotation: Rotation, side_m: Option<f64>) -> Option<Self> {
+        let turn = |object: &Occupancy| match rotation.angle() < 1e-9 {
+            true => object.clone(),
+            false => Turn::new(object.dims(), &rotation).occupancy(object),
+        };
+        let [low, high] = object.bounds()?;
+        let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64);
+        let (turned, fine) = (turn(object), fine.map(turn));
+        (turned.count() > 0).then_some(Self { shape: 0, turned, fine, rotation, side_m, lengths, dims: object.dims() })
+    }
+
     /// The shape as it rests, on the finest grid that there is.
-    pub fn finest(&self) -> &Occupancy {
+    pub(super) fn finest(&self) -> &Occupancy {
         self.fine.as_ref().unwrap_or(&self.turned)
     }
 
     /// The same of another true size.
-    pub fn resized(&self, factor: f64) -> Self {
+    pub(super) fn resized(&self, factor: f64) -> Self {
         Self { turned: self.turned.clone(), fine: self.fine.clone(), side_m: self.side_m.map(|side| side * factor), ..*self }
     }
 
     /// Something else on a grid of that kind, as it lies; of no shape of the class.
-    pub fn like(&self, turned: Occupancy, side_m: Option<f64>) -> Self {
+    pub(super) fn like(&self, turned: Occupancy, side_m: Option<f64>) -> Self {
         let [low, high] = turned.bounds().unwrap_or_default();
         let lengths = std::array::from_fn(|axis| (high[axis] - low[axis]) as f64 / self.fineness(&turned));
         Self { turned, fine: None, side_m, lengths, rotation: Rotation::identity(), ..*self }
@@ -185,13 +192,14 @@ impl AtRest {
         object.dims().x() as f64 / self.dims.x() as f64
     }
 
-    /// As [`Self::see`], the shape on the finest grid that there is: views take several times as long.
+    /// Sees the shape, on the finest grid that there is, turned by `turned` radians relative to the direction of looking, from an elevation in
+    /// radians; `None` if too little is seen.
     pub fn see_finely(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<ViewSample> {
         self.see_on(self.finest(), turned, elevation, sensing, rng)
     }
 
-    /// Sees the shape turned by `turned` radians relative to the direction of looking, from an elevation; `None` if too little is seen.
-    pub fn see(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<ViewSample> {
+    /// As [`Self::see_finely`], on the canonical grid: in a fraction of the time.
+    pub(super) fn see(&self, turned: f64, elevation: f64, sensing: Sensing, rng: &mut ChaCha8Rng) -> Option<ViewSample> {
         self.see_on(&self.turned, turned, elevation, sensing, rng)
     }
 
@@ -206,7 +214,7 @@ impl AtRest {
         // The grid is laid about what is seen, as a producer does; the observation's frame then is that of the view but for details.
         let axes = yaw(-turned);
         let readings = view.points();
-        if sensing != Sensing::Mild && readings.len() < LEAST_READINGS {
+        if !matches!(sensing, Sensing::Ideal | Sensing::Mild) && readings.len() < LEAST_READINGS {
             return None;
         }
         let mut along_axes = readings.iter().map(|p| axes.inverse() * p.coords);
@@ -233,20 +241,20 @@ impl AtRest {
 
 impl ViewSample {
     /// The yaw in the view's frame, of an object whose component rests by `resting`.
-    pub fn yaw(&self, resting: &Rotation) -> f64 {
+    pub(super) fn yaw(&self, resting: &Rotation) -> f64 {
         let (rotation, ..) = self.frame.seen(&self.placed);
         crate::grid::yaw_of(&(rotation * resting.inverse()))
     }
 
     /// The offsets from a step of yaw.
-    pub fn offsets(&self, resting: &Rotation, step: f64) -> [f64; OFFSETS] {
+    pub(super) fn offsets(&self, resting: &Rotation, step: f64) -> [f64; OFFSETS] {
         let (_, scale, place) = self.frame.seen(&self.placed);
         let length = |axis: usize| self.lengths[axis] * scale;
         [wrapped(self.yaw(resting) - step), scale.ln(), place.x, place.y, place.z, length(0), length(1), length(2)]
     }
 
     /// Metres per unit of the view's frame, if they are known.
-    pub fn unit_m(&self) -> Option<f64> {
+    pub(super) fn unit_m(&self) -> Option<f64> {
         self.voxel_m.map(|voxel| voxel * self.frame.unit)
     }
 }

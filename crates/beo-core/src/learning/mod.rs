@@ -16,7 +16,7 @@
 //! | `camera_views` | shapes at rest, as cameras see them | |
 //! | `camera_density` | densities of what cameras see, by elevation and yaw | principal components, Gaussians |
 //! | `distractors` | things of no class | |
-//! | `forest`, `camera_forest` | decision trees on what views measure | Breiman 2001 |
+//! | `boosting`, `camera_forest` | decision trees on what views measure | Friedman 2001; Chen & Guestrin 2016 |
 //! | `camera_calibration` | how sure they may be | logistic regression |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
 //! | `fit` | bases and classes of some of the shapes | |
@@ -28,6 +28,7 @@
 //! Calibration scores held-out objects as queries are scored, so this module also uses `perception`.
 
 mod basis;
+mod boosting;
 mod calibration;
 mod camera_calibration;
 mod camera_density;
@@ -37,7 +38,6 @@ mod components;
 mod distractors;
 mod error;
 mod fit;
-mod forest;
 mod gram;
 mod held_out;
 mod hull;
@@ -54,8 +54,10 @@ mod train;
 pub mod vbpca;
 mod view_density;
 
+pub use camera_views::{AtRest, ViewSample};
 pub use error::TrainError;
 pub use options::{FEWEST_SHAPES, TrainOptions};
 pub use progress::{Pass, Step};
+pub use resting::{Stable, stable_poses};
 pub use shapes::{Shape, ShapeSet};
 pub use train::train;

@@ -130,8 +130,8 @@ fn write(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
             tensors.push(("forest_input".into(), Dtype::U8, vec![nodes], &forest.asks));
             tensors.push(("forest_threshold".into(), Dtype::F32, vec![nodes], bytemuck::cast_slice(&forest.thresholds)));
             tensors.push(("forest_next".into(), Dtype::U32, vec![nodes], bytemuck::cast_slice(&forest.next)));
-            let leaves = forest.shares.len() / forest.outcomes;
-            tensors.push(("forest_share".into(), Dtype::F16, vec![leaves, forest.outcomes], bytemuck::cast_slice(&forest.shares)));
+            let leaves = forest.scores.len() / forest.outcomes;
+            tensors.push(("forest_score".into(), Dtype::F16, vec![leaves, forest.outcomes], bytemuck::cast_slice(&forest.scores)));
         }
         for (name, values) in [("camera_offset", &cameras.offsets), ("camera_deviation", &cameras.deviations)] {
             tensors.push((name.into(), Dtype::F32, vec![e, YAWS, components, OFFSETS], bytemuck::cast_slice(values)));
@@ -397,7 +397,7 @@ fn forest(file: &Opened, metadata: &Metadata) -> Result<Option<Forest>, ModelErr
     }
     let outcomes = metadata.classes.len() + 1;
     let length = |name: &str, bytes: u64| Ok::<_, ModelError>((file.bytes_of(name)? / bytes) as usize);
-    let (trees, nodes, leaves) = (length("forest_root", 4)?, length("forest_input", 1)?, length("forest_share", 2 * outcomes as u64)?);
+    let (trees, nodes, leaves) = (length("forest_root", 4)?, length("forest_input", 1)?, length("forest_score", 2 * outcomes as u64)?);
     let forest = Forest {
         inputs: MEASURES,
         outcomes,
@@ -405,7 +405,7 @@ fn forest(file: &Opened, metadata: &Metadata) -> Result<Option<Forest>, ModelErr
         asks: file.bytes("forest_input", &[nodes])?,
         thresholds: file.floats("forest_threshold", &[nodes])?,
         next: file.words("forest_next", &[nodes])?,
-        shares: file.halves("forest_share", &[leaves, outcomes])?,
+        scores: file.halves("forest_score", &[leaves, outcomes])?,
     };
     match forest.fault() {
         Some(fault) => Err(file.invalid(format!("its forest {fault}"))),

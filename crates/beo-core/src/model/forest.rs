@@ -1,4 +1,4 @@
-//! A forest of decision trees (Breiman 2001) on what a view of a camera measures: shares of the classes, and of none of them.
+//! A forest of boosted decision trees (Friedman 2001) on what a view of a camera measures: shares of the classes, and of none of them.
 
 use half::f16;
 
@@ -18,28 +18,35 @@ pub struct Forest {
     pub asks: Vec<u8>,
     /// At most this value goes to the first child, more to the second; of a leaf 0.
     pub thresholds: Vec<f32>,
-    /// The first child, which the second follows; of a leaf its row of `shares`. Children stand after their parents.
+    /// The first child, which the second follows; of a leaf its row of `scores`. Children stand after their parents.
     pub next: Vec<u32>,
-    /// Shares of the outcomes among the samples of each leaf, one row per leaf.
-    pub shares: Vec<f16>,
+    /// What each leaf adds to the log odds of the outcomes, one row per leaf.
+    pub scores: Vec<f16>,
 }
 
 impl Forest {
-    /// The mean over the trees of the shares of the outcomes, into `out`. A missing input (not a number) goes to the second child.
+    /// Shares of the outcomes into `out`: exp(Σ score) over the trees, divided by their sum.
     pub fn shares(&self, inputs: &[f32], out: &mut Vec<f64>) {
         out.clear();
         out.resize(self.outcomes, 0.0);
         for root in &self.roots {
-            let mut node = *root as usize;
-            while self.asks[node] != LEAF {
-                let goes_first = inputs[usize::from(self.asks[node])] <= self.thresholds[node];
-                node = self.next[node] as usize + usize::from(!goes_first);
-            }
-            let row = &self.shares[self.next[node] as usize * self.outcomes..][..self.outcomes];
-            out.iter_mut().zip(row).for_each(|(sum, share)| *sum += f64::from(share.to_f32()));
+            let row = &self.scores[self.leaf(*root as usize, inputs) * self.outcomes..][..self.outcomes];
+            out.iter_mut().zip(row).for_each(|(sum, score)| *sum += f64::from(score.to_f32()));
         }
-        let count = self.roots.len().max(1) as f64;
-        out.iter_mut().for_each(|sum| *sum /= count);
+        let peak = out.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        out.iter_mut().for_each(|sum| *sum = (*sum - peak).exp());
+        let total: f64 = out.iter().sum();
+        out.iter_mut().for_each(|share| *share /= total);
+    }
+
+    /// The row of `scores` of the leaf to which inputs come from a root. A missing input (not a number) goes to the second child.
+    pub fn leaf(&self, root: usize, inputs: &[f32]) -> usize {
+        let mut node = root;
+        while self.asks[node] != LEAF {
+            let goes_first = inputs[usize::from(self.asks[node])] <= self.thresholds[node];
+            node = self.next[node] as usize + usize::from(!goes_first);
+        }
+        self.next[node] as usize
     }
 
     /// Why the forest cannot be used; `None` where it can. Walks of a sound forest end, within its arrays.
@@ -48,13 +55,13 @@ impl Forest {
         if self.inputs == 0 || self.inputs > usize::from(LEAF) || self.outcomes == 0 || self.roots.is_empty() {
             return Some("has no inputs, outcomes or trees");
         }
-        if self.thresholds.len() != nodes || self.next.len() != nodes || !self.shares.len().is_multiple_of(self.outcomes) {
+        if self.thresholds.len() != nodes || self.next.len() != nodes || !self.scores.len().is_multiple_of(self.outcomes) {
             return Some("has arrays of different lengths");
         }
         if self.roots.iter().any(|root| *root as usize >= nodes) {
             return Some("has a tree without nodes");
         }
-        let leaves = self.shares.len() / self.outcomes;
+        let leaves = self.scores.len() / self.outcomes;
         for node in 0..nodes {
             let (ask, next) = (self.asks[node], self.next[node] as usize);
             let sound = match ask {
@@ -65,8 +72,7 @@ impl Forest {
                 return Some("has a node that asks for or leads to what is not there");
             }
         }
-        let is_share = |share: &f16| (0.0..=1.0).contains(&share.to_f32());
-        (!self.shares.iter().all(is_share)).then_some("has shares that are not between 0 and 1")
+        (!self.scores.iter().all(|score| score.is_finite())).then_some("has scores that are not finite")
     }
 }
 
@@ -83,16 +89,18 @@ mod tests {
             asks: vec![1, LEAF, LEAF, LEAF],
             thresholds: vec![0.5, 0.0, 0.0, 0.0],
             next: vec![1, 0, 1, 2],
-            shares: [1.0, 0.0, 0.0, 1.0, 0.5, 0.5].map(f16::from_f32).to_vec(),
+            scores: [1.0, 0.0, 0.0, 1.0, 0.5, 0.25].map(f16::from_f32).to_vec(),
         }
     }
 
     #[test]
-    fn shares_are_means_over_the_trees_and_what_is_missing_goes_to_the_second_child() {
+    fn shares_are_odds_over_all_trees_and_what_is_missing_goes_to_the_second_child() {
         let mut out = Vec::new();
-        for (value, expected) in [(0.5, [0.75, 0.25]), (0.51, [0.25, 0.75]), (f32::NAN, [0.25, 0.75])] {
+        for (value, log_odds) in [(0.5, 1.25), (0.51, -0.75), (f32::NAN, -0.75)] {
             forest().shares(&[9.0, value], &mut out);
-            assert_eq!(out, expected);
+            // Of two outcomes: the logistic function of the difference.
+            let expected = 1.0 / (1.0 + f64::exp(-log_odds));
+            assert!((out[0] - expected).abs() < 1e-12 && (out[1] - 1.0 + expected).abs() < 1e-12, "{out:?}");
         }
     }
 
@@ -105,7 +113,7 @@ mod tests {
             |f| f.next[1] = 3,
             |f| f.asks[0] = 2,
             |f| f.roots[1] = 4,
-            |f| f.shares[0] = f16::NAN,
+            |f| f.scores[0] = f16::NAN,
             |f| f.thresholds[0] = f32::NAN,
         ];
         for break_it in broken {
@@ -118,17 +126,16 @@ mod tests {
     #[test]
     fn arrays_that_do_not_belong_together_are_told_apart() {
         type Case = (fn(&mut Forest), &'static str);
-        let broken: [Case; 10] = [
+        let broken: [Case; 9] = [
             (|f| f.inputs = 0, "no inputs"),
             (|f| f.inputs = 256, "no inputs"),
             (|f| f.outcomes = 0, "no inputs"),
             (|f| f.roots.clear(), "no inputs"),
             (|f| f.thresholds.truncate(3), "different lengths"),
             (|f| f.next.push(0), "different lengths"),
-            (|f| f.shares.truncate(5), "different lengths"),
-            (|f| f.shares.truncate(4), "what is not there"),
-            (|f| f.shares[5] = f16::from_f32(1.001), "not between 0 and 1"),
-            (|f| f.shares[5] = f16::from_f32(-0.001), "not between 0 and 1"),
+            (|f| f.scores.truncate(5), "different lengths"),
+            (|f| f.scores.truncate(4), "what is not there"),
+            (|f| f.scores[5] = f16::INFINITY, "not finite"),
         ];
         for (break_it, part) in broken {
             let mut forest = forest();

@@ -5,7 +5,7 @@ use crate::grid::{Dims, View};
 use serde::{Deserialize, Serialize};
 
 /// Version of the file format that this program writes and reads.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 /// Description of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -173,7 +173,7 @@ impl CameraCalibration {
     }
 }
 
-/// P(none of the classes) = 1 / (1 + exp(−`constant` − `weight` · logit q)), where q is the share of none among the forest's trees.
+/// P(none of the classes) = 1 / (1 + exp(−`constant` − `weight` · logit q)), where q is the forest's share of none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoneCalibration {
     /// Added to the weighted logit.
@@ -184,7 +184,7 @@ pub struct NoneCalibration {
 
 impl NoneCalibration {
     /// Shares are not taken for smaller than this, nor for larger than 1 less this.
-    const LEAST: f64 = 0.0025;
+    const LEAST: f64 = 0.001;
 
     /// log q / (1 − q), q kept from 0 and 1.
     pub fn logit(share: f64) -> f64 {

@@ -132,7 +132,7 @@ fn cameras(metadata: &Metadata) -> CameraDensities {
         asks: vec![1, LEAF, LEAF, LEAF],
         thresholds: vec![0.5, 0.0, 0.0, 0.0],
         next: vec![1, 0, 1, 2],
-        shares: halves(6, 9),
+        scores: halves(6, 9),
     };
     CameraDensities {
         components: metadata.camera_components.clone(),

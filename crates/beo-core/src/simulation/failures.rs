@@ -28,6 +28,8 @@ pub enum SensorKind {
 /// Under which conditions training views are seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sensing {
+    /// No faults and nothing else in view, near by.
+    Ideal,
     /// Little noise, near by, masks without faults: for shapes whose size is not known.
     #[default]
     Mild,
@@ -41,6 +43,8 @@ pub enum Sensing {
 const DISTANCES_M: [f64; 2] = [0.40, 1.50];
 /// In longest sides of the object.
 const SIDES: [f64; 2] = [2.5, 20.0];
+/// The same of sensors that have few faults or none.
+const NEAR_SIDES: std::ops::Range<f64> = SIDES[0]..6.0;
 /// Focal lengths of depth cameras, pixels.
 const FOCALS: [f64; 2] = [420.0, 620.0];
 /// Readings lower than this above the table are not told from the table's, metres.
@@ -56,9 +60,10 @@ impl Sensing {
     /// Distance of the camera in longest sides of an object that measures `side_m` metres, if that is known, and what it meets there.
     pub fn draw(self, side_m: Option<f64>, rng: &mut impl Rng) -> (f64, Conditions) {
         let kind = match self {
+            Self::Ideal => return (rng.random_range(NEAR_SIDES), Conditions::default()),
             Self::Mild => {
                 let conditions = Conditions::draw(rng);
-                return (rng.random_range(SIDES[0]..6.0), conditions);
+                return (rng.random_range(NEAR_SIDES), conditions);
             }
             Self::Of(kind) => kind,
             Self::Mixed => {
@@ -168,6 +173,8 @@ mod tests {
             }
             assert!(small > 2.0 * large, "{kind:?}");
         }
+        let (sides, ideal) = Sensing::Ideal.draw(Some(0.3), &mut ChaCha8Rng::seed_from_u64(3));
+        assert!((2.5..6.0).contains(&sides) && ideal.noise == 0.0 && ideal.dropout == 0.0 && ideal.occluder.is_none() && !ideal.table);
         let (sides, mild) = Sensing::Mild.draw(None, &mut ChaCha8Rng::seed_from_u64(3));
         assert!((2.5..6.0).contains(&sides) && mild.step == 0.0 && mild.pixels.is_none() && mild.mask_growth == 0);
     }

@@ -163,7 +163,7 @@ impl CameraScores {
         out.clear();
         self.forest()?.shares(measures, out);
         let none = out.pop();
-        // A class that no tree names counts as one in a thousand: it is not impossible.
+        // A class that the forest rules out counts as one in a thousand: it has seen made-up views alone.
         out.iter_mut().for_each(|share| *share = (*share + 1e-3).ln());
         none
     }
