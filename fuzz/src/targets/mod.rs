@@ -3,6 +3,7 @@
 pub mod c_abi;
 pub mod camera;
 pub mod config;
+pub mod link;
 pub mod model;
 pub mod observation;
 mod plain;
@@ -24,7 +25,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 24] = [
+pub const TARGETS: [Target; 25] = [
     Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npz", run: shapes::npz, seeds: shapes::npz_seeds, most_bytes: shapes::most_bytes_of_archive },
@@ -53,5 +54,6 @@ pub const TARGETS: [Target; 24] = [
     },
     Target { name: "status", run: readers::status, seeds: readers::status_seeds, most_bytes: readers::most_bytes_of_status },
     Target { name: "reload", run: reload::run, seeds: reload::seeds, most_bytes: reload::most_bytes },
+    Target { name: "link", run: link::run, seeds: link::seeds, most_bytes: link::most_bytes },
     Target { name: "alignment", run: shapes::alignment, seeds: shapes::alignment_seeds, most_bytes: shapes::most_bytes_of_mesh },
 ];

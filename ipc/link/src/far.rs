@@ -5,10 +5,10 @@ use crate::clocks::{Clocks, Offset};
 use crate::keys::Keys;
 use crate::session::{LinkError, open, publisher, zenoh_error};
 use crate::trouble::Troubles;
+use crate::wire;
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::limits::voxel_count;
-use beo_ipc::relay::{Stamped, from_bytes, to_bytes};
-use beo_ipc::{ABI_VERSION, CompletionHeader, InstanceName, ObservationHeader, Percept, Server, ServerOptions, Status};
+use beo_ipc::relay::{Stamped, to_bytes};
+use beo_ipc::{InstanceName, ObservationHeader, Percept, Server, ServerOptions, Status};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -66,9 +66,8 @@ fn keep_time(session: &Session, key: &str, shared: &Shared, stop: &AtomicBool) {
         let reply = session.get(key).timeout(TRIP).wait().ok().and_then(|replies| replies.recv().ok());
         let ended_ns = monotonic_ns();
         let there = reply.and_then(|reply| reply.into_result().ok());
-        let there = there.and_then(|sample| <[u8; 8]>::try_from(&*sample.payload().to_bytes()).ok());
-        if let Some(there) = there {
-            lock(&shared.clocks).trip(begun_ns, u64::from_le_bytes(there), ended_ns);
+        if let Some(there) = there.and_then(|sample| wire::clock(&sample.payload().to_bytes()).ok()) {
+            lock(&shared.clocks).trip(begun_ns, there, ended_ns);
             trips += 1;
         }
         due = Instant::now() + if trips < FIRST_TRIPS { FIRST_TRIP } else { TRIP };
@@ -188,9 +187,10 @@ impl Shared {
     }
 
     fn percept(&self, payload: &ZBytes) {
-        let bytes = payload.to_bytes();
-        let percept = from_bytes::<Percept>(&bytes).filter(|(percept, rest)| rest.is_empty() && percept.abi_version == ABI_VERSION);
-        let Some((mut percept, _)) = percept else { return self.troubles.say("percept", &Broken(bytes.len())) };
+        let mut percept = match wire::percept(&payload.to_bytes()) {
+            Ok(percept) => percept,
+            Err(error) => return self.troubles.say("percept", &error),
+        };
         let Some((server, offset_ns)) = self.playing() else { return };
         percept.move_stamps(offset_ns);
         if let Err(error) = server.forward(&percept) {
@@ -200,19 +200,18 @@ impl Shared {
 
     fn completion(&self, payload: &ZBytes) {
         let bytes = payload.to_bytes();
-        let completion = from_bytes::<CompletionHeader>(&bytes).filter(|(header, voxels)| {
-            header.abi_version == ABI_VERSION && voxel_count(header.dims).is_some_and(|count| voxels.len() == 2 * count)
-        });
-        let Some((mut header, voxels)) = completion else { return self.troubles.say("completion", &Broken(bytes.len())) };
+        let (mut header, occupancy, deviation) = match wire::completion(&bytes) {
+            Ok(completion) => completion,
+            Err(error) => return self.troubles.say("completion", &error),
+        };
         let Some((server, offset_ns)) = self.playing() else { return };
         header.move_stamps(offset_ns);
         match server.loan_completion(&ObservationHeader::new(header.dims)) {
             Ok(mut loan) => {
                 *loan.header_mut() = header;
-                let (occupancy, deviation) = loan.occupancy_and_deviation_mut();
-                let (first, second) = voxels.split_at(occupancy.len());
-                occupancy.copy_from_slice(first);
-                deviation.copy_from_slice(second);
+                let (first, second) = loan.occupancy_and_deviation_mut();
+                first.copy_from_slice(occupancy);
+                second.copy_from_slice(deviation);
                 if let Err(error) = loan.forward() {
                     self.troubles.say("completion", &error);
                 }
@@ -222,22 +221,13 @@ impl Shared {
     }
 
     fn status(&self, payload: &ZBytes) {
-        let bytes = payload.to_bytes();
-        let status = from_bytes::<Status>(&bytes)
-            .filter(|(status, rest)| rest.is_empty() && status.abi_version == ABI_VERSION && voxel_count(status.dims).is_some());
-        let Some((status, _)) = status else { return self.troubles.say("status", &Broken(bytes.len())) };
+        let status = match wire::status(&payload.to_bytes()) {
+            Ok(status) => status,
+            Err(error) => return self.troubles.say("status", &error),
+        };
         *lock(&self.last) = Some((status, Instant::now()));
         if let Some(server) = lock(&self.server).clone() {
             self.pass_status(&server, &status);
         }
-    }
-}
-
-/// A message that is none of this version.
-struct Broken(usize);
-
-impl std::fmt::Display for Broken {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "{} bytes that are no message of version {ABI_VERSION}: build both ends from the same version of beo", self.0)
     }
 }

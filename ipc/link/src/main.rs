@@ -7,6 +7,7 @@
 //! | `near` | the end beside the daemon |
 //! | `far` | the end that plays the daemon |
 //! | `clocks` | what lies between the two machines' clocks |
+//! | `wire` | messages as they come over the wire, checked |
 //! | `trouble` | one line for each kind of trouble |
 
 mod arguments;
@@ -16,6 +17,7 @@ mod keys;
 mod near;
 mod session;
 mod trouble;
+mod wire;
 
 use arguments::{Arguments, End};
 use clap::Parser as _;

@@ -4,10 +4,10 @@ use crate::arguments::Near;
 use crate::keys::Keys;
 use crate::session::{LinkError, open, publisher, zenoh_error};
 use crate::trouble::Troubles;
+use crate::wire;
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::relay::{from_bytes, to_bytes};
-use beo_ipc::validate::validate;
-use beo_ipc::{InstanceName, ObservationHeader, OpenError, Producer, ReconnectError, ReconnectingSubscriber, SubscriberOptions, Waited};
+use beo_ipc::relay::to_bytes;
+use beo_ipc::{InstanceName, OpenError, Producer, ReconnectError, ReconnectingSubscriber, SubscriberOptions, Waited};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -122,10 +122,8 @@ fn joined<'a>(
 /// Why an observation from afar is passed over.
 #[derive(Debug, thiserror::Error)]
 enum Passed {
-    #[error("{0} bytes are too few for a header")]
-    Short(usize),
     #[error(transparent)]
-    Refused(#[from] beo_ipc::Refusal),
+    Bad(#[from] wire::BadObservation),
     #[error("{MOST_PRODUCERS} producers of the other end are at work: another has no place before one is silent for {} s", IDLE.as_secs())]
     TooMany,
     #[error(transparent)]
@@ -150,8 +148,7 @@ impl Inlet {
 
     /// An observation: header, then voxels. What a daemon would refuse by its header is passed over, so that nothing is laid out by it.
     fn feed(&mut self, bytes: &[u8]) -> Result<(), Passed> {
-        let (header, voxels) = from_bytes::<ObservationHeader>(bytes).ok_or(Passed::Short(bytes.len()))?;
-        validate(&header, voxels.len())?;
+        let (header, voxels) = wire::observation(bytes)?;
         let key = (header.producer_id, header.dims);
         // One whose daemon is gone stands in the way of the next daemon.
         if self.producers.get(&key).is_some_and(|(producer, _)| !producer.daemon_runs()) {
