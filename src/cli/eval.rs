@@ -96,7 +96,7 @@ pub struct Eval {
 }
 
 /// Arguments that say nothing when shapes are left out: pose and class are known, and there is one method.
-const NOT_FOR_LEAVE_ONE_OUT: [&str; 14] = [
+const NOT_FOR_LEAVE_ONE_OUT: [&str; 17] = [
     "model",
     "pose",
     "yaw_span",
@@ -111,6 +111,9 @@ const NOT_FOR_LEAVE_ONE_OUT: [&str; 14] = [
     "distance",
     "fuse",
     "find_size",
+    "sensors",
+    "resting",
+    "units",
 ];
 
 /// From where objects are seen.
@@ -193,9 +196,13 @@ impl Eval {
         }
         let changed = [
             ("--pose", !matches!(self.pose, PoseArgument::Known)),
+            ("--yaw-span", self.yaw_span != 360.0),
             ("--known-class", self.known_class),
             ("--icp", self.icp),
             ("--method", self.method != [Method::Auto]),
+            ("--projection", !matches!(self.projection, ProjectionArgument::Lasso)),
+            ("--paper-pose", !matches!(self.paper_pose, PaperPoseArgument::Edt)),
+            ("--prior", !matches!(self.prior, PriorArgument::Uniform)),
             ("--distance", self.distance != CAMERA_DISTANCE),
             ("--fuse", self.fuse != [1]),
             ("--find-size", self.find_size),
