@@ -219,7 +219,7 @@ fn before_a_camera(criterion: &mut Criterion) {
             query.expected = None;
             if is_followed {
                 perceiver.classify(&view.observation, query, &mut work, &mut percept).unwrap();
-                query.expected = percept.expected.clone();
+                query.expected = percept.expected;
             }
         }
         let mut next = in_turn(&asked);

@@ -17,7 +17,8 @@ fn eval(shapes: &Path, more: &[&str]) -> Output {
 fn household_things_are_named_as_they_stand_and_as_they_lie_with_the_same_figures_whatever_the_threads() {
     let scratch = tempfile::tempdir().unwrap();
     let (shapes, json) = (scratch.path().join("shapes"), scratch.path().join("o.json"));
-    let made = ["generate", "household", "--out", shapes.to_str().unwrap(), "--count", "1", "--test", "4", "--seed", "9", "--format", "ply"];
+    let made =
+        ["generate", "household", "--out", shapes.to_str().unwrap(), "--count", "1", "--test", "4", "--seed", "9", "--format", "ply"];
     assert!(run(made).status.success());
     let outcome = |more: &[&str]| -> (Value, String) {
         let arguments = ["--azimuths", "2", "--elevation", "25,60", "--json", json.to_str().unwrap()];
