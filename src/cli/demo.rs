@@ -109,7 +109,8 @@ impl Demo {
         say!("4. the camera: beo camera {} --instance {instance} {}\n", frames.display(), fuse.join(" "));
         let table = TABLE.to_string();
         let start_camera = |more: &[&str]| {
-            let camera: &[&str] = &["camera", "--instance", &instance, "--support-label", &table, "--pose", "yaw"];
+            // The camera leaps by an eighth of a turn from view to view, so that nothing is to be expected of one from the view before.
+            let camera: &[&str] = &["camera", "--instance", &instance, "--support-label", &table, "--pose", "yaw", "--track=none"];
             start("beo camera", &[camera, fuse, more, &["--trajectory"]].concat(), &[&trajectory, &frames])
         };
         let mut camera = start_camera(&[])?;
