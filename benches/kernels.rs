@@ -9,7 +9,7 @@ use beo_core::linear;
 use beo_core::model::{CAMERA_MEASURES, Model, load};
 use beo_core::perception::kernels::row_gram::{AddGram, packed_len, span};
 use beo_core::perception::{
-    ClassSubspace, ColumnSums, Conditional, Gaussian, Known, Method, Perceiver, Percept, PoseSearch, Query, RotationPrior, ScaleSearch,
+    ClassSubspace, ColumnSums, Conditional, Gaussian, Known, Method, Perceiver, Percept, PoseSearch, Query, RotationPrior,
 };
 use beo_core::simulation::Sensing;
 use beo_lab::benchmark::latency::objects_on_table;
@@ -197,16 +197,7 @@ fn before_a_camera(criterion: &mut Criterion) {
     let perceiver = Perceiver::new(Arc::new(model)).unwrap();
     let views = on_tables(perceiver.model().dims());
     let (mut work, mut percept) = (perceiver.workspace(), Percept::default());
-    let of = |view: &ViewSample| Query {
-        camera: Some(view.camera),
-        pose: PoseSearch::YAW,
-        lying: true,
-        scale: ScaleSearch::Search { side: None },
-        outside: Outside::Unknown,
-        voxel_size_m: view.voxel_m,
-        ..Query::default()
-    };
-    let mut asked: Vec<(&ViewSample, Query)> = views.iter().map(|view| (view, of(view))).collect();
+    let mut asked: Vec<(&ViewSample, Query)> = views.iter().map(|view| (view, view.query(true))).collect();
     let mut group = criterion.benchmark_group("before a camera");
     for (name, completion, is_followed) in [
         ("class, pose, size and place", false, false),

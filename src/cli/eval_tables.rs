@@ -3,12 +3,12 @@
 use super::failure::{Failure, cannot_write};
 use super::progress;
 use super::shapes;
-use super::train::{FINER, SensorsArgument, UnitsArgument};
+use super::train::{SensorsArgument, UnitsArgument, finer};
 use beo_core::perception::Perceiver;
 use beo_core::whole_file::write_whole;
 use beo_lab::evaluation::{Resting, TableProtocol, on_tables};
+use beo_shapes::ReadOptions;
 use beo_shapes::library::LoadOptions;
-use beo_shapes::{ReadOptions, Units};
 use clap::{Args, ValueEnum};
 use std::path::Path;
 
@@ -68,11 +68,8 @@ pub struct TableEvaluation<'a> {
 impl TableEvaluation<'_> {
     /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
-        let units = match self.tables.units {
-            Some(units) => units.units(self.dir)?,
-            None => Units::of_folder(self.dir).map_err(|error| Failure::Failed(error.to_string()))?,
-        };
-        let read = ReadOptions { finer: Some(FINER), ..self.read };
+        let units = UnitsArgument::units(self.tables.units, self.dir)?;
+        let read = ReadOptions { finer: finer(self.perceiver.model().dims()), ..self.read };
         let splits = self.split.map(std::slice::from_ref).unwrap_or_default();
         let shapes = shapes::load(self.dir, splits, &LoadOptions { read, skip_duplicates: false, minimum: 0, units })?;
         let classes = shapes::classes_in(&shapes.set.classes, self.perceiver.model())?;

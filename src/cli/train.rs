@@ -17,7 +17,14 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How many times finer than the model's the grids are whose shapes cameras see.
-pub(super) const FINER: usize = 2;
+const FINER: usize = 2;
+
+/// How many times finer the grids of a model of this size are on which cameras see its shapes: of few voxels, a slender cylinder looks like a
+/// box. `None` where the model's own are fine enough.
+pub(super) fn finer(dims: Dims) -> Option<usize> {
+    let finest = <[usize; 3]>::from(dims).into_iter().fold(0, usize::max) * FINER;
+    (finest <= LEVELS[1]).then_some(FINER)
+}
 
 /// Learn a model from a folder of shapes, DIR/<class>/<split>/*, or DIR/* for one class named after the folder, or as ShapeNet and YCB lay
 /// them out
@@ -87,13 +94,15 @@ pub(super) enum UnitsArgument {
 }
 
 impl UnitsArgument {
-    pub fn units(self, folder: &Path) -> Result<Units, Failure> {
-        Ok(match self {
-            Self::M => Units::Metres,
-            Self::Cm => Units::Centimetres,
-            Self::Mm => Units::Millimetres,
-            Self::None => Units::None,
-            Self::Folder => match Units::of_folder(folder).map_err(|error| Failure::Failed(error.to_string()))? {
+    /// The unit of a folder's files: the given one, else what the folder says, or none.
+    pub fn units(given: Option<Self>, folder: &Path) -> Result<Units, Failure> {
+        let of_folder = || Units::of_folder(folder).map_err(|error| Failure::Failed(error.to_string()));
+        Ok(match given {
+            Some(Self::M) => Units::Metres,
+            Some(Self::Cm) => Units::Centimetres,
+            Some(Self::Mm) => Units::Millimetres,
+            Some(Self::None) => Units::None,
+            Some(Self::Folder) => match of_folder()? {
                 Units::None => {
                     let path = folder.join(UNITS_FILE);
                     let problem = format!("--units folder: {} names no unit; give the unit here", path.display());
@@ -101,6 +110,7 @@ impl UnitsArgument {
                 }
                 units => units,
             },
+            None => of_folder()?,
         })
     }
 }
@@ -273,9 +283,7 @@ impl Train {
             false => Vec::new(),
         };
         let mut read = self.shaping.read_options(dims)?;
-        // Cameras see shapes on finer grids: of few voxels, a slender cylinder looks like a box.
-        let finest = <[usize; 3]>::from(dims).into_iter().fold(0, usize::max) * FINER;
-        read.finer = (!camera_elevations_deg.is_empty() && finest <= LEVELS[1]).then_some(FINER);
+        read.finer = finer(dims).filter(|_| !camera_elevations_deg.is_empty());
         if self.out.is_dir() {
             return usage(format!("--out {}: this is a folder; name a file, such as model.safetensors", self.out.display()));
         }
@@ -287,11 +295,7 @@ impl Train {
         check_place(&self.out, 0)?;
         let splits = if self.split.is_empty() { shapes::existing_splits(&self.dir, &["train", "validation"])? } else { self.split };
         let with_cameras = !camera_elevations_deg.is_empty();
-        let units = match self.units {
-            Some(units) => units.units(&self.dir)?,
-            None if with_cameras => Units::of_folder(&self.dir).map_err(|error| Failure::Failed(error.to_string()))?,
-            None => Units::None,
-        };
+        let units = if with_cameras { UnitsArgument::units(self.units, &self.dir)? } else { Units::None };
         let given = [("--units", self.units.is_some()), ("--sensors", self.sensors.is_some()), ("--resting", self.resting.is_some())];
         for (flag, is_given) in given {
             if is_given && !with_cameras {

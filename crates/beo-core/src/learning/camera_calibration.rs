@@ -3,8 +3,10 @@
 use super::calibration::fit_blend;
 use super::camera_forest::measured;
 use super::camera_views::{AtRest, ComponentShapes, ViewSample, Views, are_plain, stream};
+use super::drawing::draw_by;
 use crate::grid::{Outside, yaw_of};
 use crate::model::{Blend, CameraCalibration, CameraDensities, CameraSpread, YAWS};
+use crate::perception::PerceiveError;
 use crate::perception::camera::camera_search::{CameraScratch, CameraSearch};
 use crate::perception::camera::mode_refiner::{ModeRefiner, ModeRefinerScratch};
 use crate::perception::camera::{CameraScores, Cell, KnownPlacement, ViewWork};
@@ -13,7 +15,6 @@ use crate::perception::evidence::lattice::Codes;
 use crate::perception::evidence::placed::{EvidenceModel, EvidenceScratch};
 use crate::perception::scored::Scored as PerceptScores;
 use crate::perception::timings::Clock;
-use crate::perception::{PerceiveError, PoseSearch, Query, ScaleSearch};
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -199,15 +200,7 @@ fn spread(
         if left_out.evidence.dims() != sample.observation.dims() {
             return None;
         }
-        let query = Query {
-            camera: Some(sample.camera),
-            pose: PoseSearch::YAW,
-            scale: ScaleSearch::Search { side: None },
-            outside: Outside::Unknown,
-            lying,
-            voxel_size_m: sample.voxel_m,
-            ..Query::default()
-        };
+        let query = sample.query(lying);
         let search = CameraSearch {
             evidence: &left_out.evidence,
             evidence_blend: left_out.evidence_blend,
@@ -251,15 +244,7 @@ fn rests<'a>(parts: &'a [ComponentShapes], class: usize, shape: usize, rng: &mut
     if let [only] = ways[..] {
         return Some(only);
     }
-    let total: f64 = ways.iter().map(|(n, _)| parts[*n].component.probability).sum();
-    let mut left = total * rng.random_range(0.0..1.0);
-    ways.iter()
-        .find(|(n, _)| {
-            left -= parts[*n].component.probability;
-            left <= 0.0
-        })
-        .or(ways.last())
-        .copied()
+    draw_by(&ways, |(n, _)| parts[*n].component.probability, rng).copied()
 }
 
 /// F and the log evidence of all upright classes where yaw, size and place are told, weighed together; none where the grids differ in size.

@@ -8,6 +8,7 @@ use super::boosting::{Growth, Samples, grow};
 use super::calibration::fit_blend;
 use super::camera_views::{AtRest, ComponentShapes, ViewSample, Views, stream};
 use super::distractors::distractor;
+use super::drawing::draw_by;
 use crate::linear::LinearError;
 use crate::model::{Forest, NoneCalibration};
 use crate::perception::camera::{MEASURES, MeasureScratch, measure};
@@ -72,12 +73,7 @@ impl Measured {
                 let made;
                 let shape = match by_class.get(outcome) {
                     Some(ways) => {
-                        let total: f64 = ways.iter().map(|(weight, _)| weight).sum();
-                        let mut left = total * rng.random_range(0.0..1.0);
-                        let (_, shapes) = ways.iter().find(|(weight, _)| {
-                            left -= weight;
-                            left <= 0.0
-                        })?;
+                        let (_, shapes) = draw_by(ways, |(weight, _)| *weight, &mut rng)?;
                         shapes[rng.random_range(0..shapes.len())]
                     }
                     None => {

@@ -2,9 +2,10 @@
 
 use super::resting::{Resting, resting_poses};
 use super::sizes::kinds;
-use crate::grid::{Dims, Observation, Occupancy, Rotation, Similarity, Turn, yaw};
+use crate::grid::{Dims, Observation, Occupancy, Outside, Rotation, Similarity, Turn, yaw};
 use crate::model::{Component, OFFSETS};
 use crate::perception::camera::ViewFrame;
+use crate::perception::{PoseSearch, Query, ScaleSearch};
 use crate::simulation::{Eye, RenderedView, Sensing};
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -240,6 +241,19 @@ impl AtRest {
 }
 
 impl ViewSample {
+    /// The query that a daemon asks about it, class, pose, size and place unknown. `lying`: whether resting poses are searched, or all stand.
+    pub fn query(&self, lying: bool) -> Query {
+        Query {
+            camera: Some(self.camera),
+            pose: PoseSearch::YAW,
+            lying,
+            scale: ScaleSearch::Search { side: None },
+            outside: Outside::Unknown,
+            voxel_size_m: self.voxel_m,
+            ..Query::default()
+        }
+    }
+
     /// The yaw in the view's frame, of an object whose component rests by `resting`.
     pub(super) fn yaw(&self, resting: &Rotation) -> f64 {
         let (rotation, ..) = self.frame.seen(&self.placed);

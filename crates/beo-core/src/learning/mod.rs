@@ -16,6 +16,7 @@
 //! | `camera_views` | shapes at rest, as cameras see them | |
 //! | `camera_density` | densities of what cameras see, by elevation and yaw | principal components, Gaussians |
 //! | `distractors` | things of no class | |
+//! | `drawing` | one of several, by weight | |
 //! | `boosting`, `camera_forest` | decision trees on what views measure | Friedman 2001; Chen & Guestrin 2016 |
 //! | `camera_calibration` | how sure they may be | logistic regression |
 //! | `calibration` | score weights, temperature, offsets and voxel probabilities | logistic regression |
@@ -36,6 +37,7 @@ mod camera_forest;
 mod camera_views;
 mod components;
 mod distractors;
+mod drawing;
 mod error;
 mod fit;
 mod gram;
@@ -55,6 +57,7 @@ pub mod vbpca;
 mod view_density;
 
 pub use camera_views::{AtRest, ViewSample};
+pub use drawing::draw_by;
 pub use error::TrainError;
 pub use options::{FEWEST_SHAPES, TrainOptions};
 pub use progress::{Pass, Step};

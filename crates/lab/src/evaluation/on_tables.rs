@@ -1,9 +1,9 @@
 //! Shapes on tables: each at rest in one of its own stable poses, seen by a depth sensor with its faults, everything unknown.
 
 use super::metrics::{CalibrationFigures, calibration, percentile};
-use beo_core::grid::{Occupancy, Outside, Rotation};
-use beo_core::learning::{AtRest, ShapeSet, ViewSample, stable_poses};
-use beo_core::perception::{PerceiveError, Perceiver, Percept, PoseSearch, Query, ScaleSearch};
+use beo_core::grid::{Occupancy, Rotation};
+use beo_core::learning::{AtRest, ShapeSet, ViewSample, draw_by, stable_poses};
+use beo_core::perception::{PerceiveError, Perceiver, Percept};
 use beo_core::simulation::Sensing;
 use nalgebra::{Unit, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -106,17 +106,7 @@ pub fn on_tables(
                 unseen += 1;
                 continue;
             };
-            // As the daemon asks about what a camera sees.
-            let query = Query {
-                camera: Some(sample.camera),
-                pose: PoseSearch::YAW,
-                lying: true,
-                scale: ScaleSearch::Search { side: None },
-                outside: Outside::Unknown,
-                voxel_size_m: sample.voxel_m,
-                ..Query::default()
-            };
-            perceiver.classify(&sample.observation, &query, &mut work, &mut percept)?;
+            perceiver.classify(&sample.observation, &sample.query(true), &mut work, &mut percept)?;
             let truth = classes[shape.class];
             asked.push(Asked::new(truth, &sample, &percept));
             posteriors.push(percept.posterior.clone());
@@ -177,12 +167,7 @@ impl TableProtocol {
 fn lying(object: &Occupancy, rng: &mut ChaCha8Rng) -> Option<Unit<Vector3<f64>>> {
     let is_lying = |up: &Unit<Vector3<f64>>| up.z.abs() < FRAC_PI_4.cos();
     let ways: Vec<_> = stable_poses(object).into_iter().filter(|way| is_lying(&way.up)).collect();
-    let mut left = ways.iter().map(|way| way.probability).sum::<f64>() * rng.random_range(0.0..1.0);
-    let drawn = ways.iter().find(|way| {
-        left -= way.probability;
-        left <= 0.0
-    });
-    drawn.or(ways.last()).map(|way| way.up)
+    draw_by(&ways, |way| way.probability, rng).map(|way| way.up)
 }
 
 /// The angle between the axes of a shape, whichever way they point, degrees: that between its canonical verticals, or, where its longest side is
