@@ -140,15 +140,18 @@ impl Question {
             return Err(invalid(format!("{name}: a CarvedGrid says it itself; leave it out")));
         }
         let place = carved.place;
+        // Lengths as a header carries them, in single precision: a model in this process then answers bit for bit as a daemon does.
+        let carried = |length: f64| f64::from(length as f32);
+        let voxel_size_m = carried(place.voxel_size_m);
         let question = Self {
             observation: carved.observation.clone(),
             carved: Some(place),
             pose: pose.unwrap_or(Pose::Rest),
             yaw_span_rad: asked.yaw_span_deg.to_radians(),
             seen_from_above: false,
-            camera: Some(Vector3::from(place.camera_position_m) / place.voxel_size_m),
+            camera: Some(Vector3::from(place.camera_position_m).map(|v| carried(v) / voxel_size_m)),
             scale: ScaleSearch::Search { side: None },
-            voxel_size_m: Some(place.voxel_size_m),
+            voxel_size_m: Some(voxel_size_m),
             completion: asked.completion,
             frame,
         };
