@@ -76,7 +76,10 @@ impl Answered {
         let [old, new] = [self.grid.orientation, grid.orientation].map(from_xyzw);
         let rotation = new.inverse() * old;
         if let Some(expected) = &self.rotation {
-            query.rotation_prior = expected.turned(&rotation);
+            // Without a time of capture, the frames of an object follow upon each other.
+            let elapsed_ns = header.capture_ns.saturating_sub(self.captured_ns);
+            let seconds = if self.captured_ns == 0 { 0.0 } else { elapsed_ns as f64 * 1e-9 };
+            query.rotation_prior = expected.after(seconds).turned(&rotation);
         }
         let translation = new.inverse() * (self.grid.position_m - grid.position_m) / grid.voxel_size_m;
         query.expected =
@@ -220,6 +223,20 @@ mod tests {
             assert!(query.rotation_prior.log_density(PoseSearch::YAW)(&yaw(continued as f64)) > 1.0, "{object}");
             tracks.remember(1, object, answered(&header, 200, &percept(continued as f64)));
         }
+    }
+
+    #[test]
+    fn the_longer_an_object_was_not_seen_the_less_is_known_of_how_it_is_turned() {
+        let at = |capture_ns: u64| ObservationHeader { capture_ns, ..header(1) };
+        let turned = |before_ns: u64, now_ns: u64| {
+            let mut query = Query::default();
+            answered(&at(before_ns), 5, &percept(0.3)).expect(&at(now_ns), &mut query);
+            query.rotation_prior.log_density(PoseSearch::YAW)(&yaw(0.3 + 3.0))
+        };
+        let [frame, second] = [33_000_000, 1_000_000_000].map(|elapsed_ns| turned(7, 7 + elapsed_ns));
+        assert!(second > frame + 2.0 && second < 0.0, "{frame} {second}");
+        // Where a producer says no times, or times that go back, nothing passed between.
+        assert_eq!([turned(0, 0), turned(0, 1 << 60), turned(9, 0), turned(9, 8)], [frame; 4]);
     }
 
     #[test]

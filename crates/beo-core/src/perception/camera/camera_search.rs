@@ -149,11 +149,12 @@ impl CameraSearch<'_> {
         Ok(())
     }
 
-    /// Answers an object where it is expected, if what is seen agrees: the forest names its class no less than others, one of its modes is
-    /// climbed, and the evidence there is as good as it was. Gives whether it does; else nothing is answered.
+    /// Answers an object where it is expected, if what is seen agrees: the forest names its class no less than others, it is turned as it was
+    /// rather than otherwise, one of its modes is climbed, and the evidence there is as good as it was. Gives whether it does; else nothing is
+    /// answered.
     ///
-    /// The densities of the view are computed near the expectation alone. Of the other classes nothing is known then but what was known before
-    /// and what the forest says, so their densities count as that of the expected class: they say nothing for or against any.
+    /// The densities of the view are computed of the expected component alone. Of the other classes nothing is known then but what was known
+    /// before and what the forest says, so their densities count as that of the expected class: they say nothing for or against any.
     fn follow(
         &self,
         view: &SeenObject<'_>,
@@ -168,8 +169,11 @@ impl CameraSearch<'_> {
         if frames_since_search >= FOLLOWED.most_frames || !is_named || self.query.pose == PoseSearch::Known {
             return Ok(false);
         }
-        let sure = self.score_view(view, Some((component, expectation.parameters[0])), scratch)?;
+        let sure = self.score_view(view, Some(component), scratch)?;
         clock.projected();
+        if !keep_beside(expectation.parameters[0], sure.pose_weight, &mut scratch.view.cells) {
+            return Ok(false);
+        }
         self.add_samples(view, &sure, scratch, out);
         let score = log_sum_exp(out.samples.iter().map(|sample| sample.log_density)) / sure.pose_weight;
         self.add_posterior(&sure, |_| score, &scratch.shares, &mut out.posterior);
@@ -295,11 +299,11 @@ impl CameraSearch<'_> {
         }
     }
 
-    /// Scores classes and steps of yaw into `scratch.view.cells`; by densities, of `only` a component near a yaw if it is given.
+    /// Scores classes and steps of yaw into `scratch.view.cells`; by densities, of `only` one component if it is given.
     fn score_view(
         &self,
         view: &SeenObject<'_>,
-        only: Option<(usize, f64)>,
+        only: Option<usize>,
         scratch: &mut CameraScratch,
     ) -> Result<Sureness<'_>, PerceiveError> {
         let SeenObject { seen, frame, told } = view;
@@ -492,6 +496,17 @@ fn best_cells(
     }
 }
 
+/// Keeps the cells beside a yaw; gives whether what is seen has the object turned that way rather than otherwise.
+fn keep_beside(yaw: f64, pose_weight: f64, cells: &mut Vec<Cell>) -> bool {
+    let best = |is_beside: bool| {
+        let those = cells.iter().filter(|cell| cell.is_beside(yaw) == is_beside);
+        those.map(|cell| cell.log_weight(pose_weight)).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let agrees = best(true) >= best(false) - FOLLOWED.turn_falls_nats;
+    cells.retain(|cell| cell.is_beside(yaw));
+    agrees
+}
+
 /// Angles at which the evidence is computed, and how many of them count.
 fn steps(told: &KnownPlacement) -> ([f64; YAWS], usize) {
     match told.yaw {
@@ -640,6 +655,25 @@ mod tests {
             }
         }
         assert!(followed > 80, "{followed} of 120 frames");
+    }
+
+    /// Behind a hand, for a second, it was turned by a third of a turn.
+    #[test]
+    fn an_object_that_was_turned_out_of_sight_is_found_as_it_is_turned_now() {
+        let (mut alone_right, mut turned_right) = (0, 0);
+        for (seed, name) in ["chair", "sofa", "table"].into_iter().cycle().take(24).enumerate() {
+            let (seed, azimuth) = (seed as u64, 0.7 * seed as f64);
+            let alone = query(azimuth, PoseSearch::YAW, SEARCH);
+            let object = unseen(name, seed);
+            let before = ask(&simulation::observe(&object, &eye(azimuth)), &alone);
+            let turned = simulation::observe(&Turn::new(object.dims(), &yaw(TAU / 3.0)).occupancy(&object), &eye(azimuth));
+            let mut continued = next(&alone, &before);
+            continued.rotation_prior = continued.rotation_prior.after(1.0);
+            let is_right = |percept: &Percept| percept.rotation_object_to_grid.angle_to(&yaw(TAU / 3.0)).to_degrees() < 20.0;
+            alone_right += usize::from(is_right(&ask(&turned, &alone)));
+            turned_right += usize::from(is_right(&ask(&turned, &continued)));
+        }
+        assert!(alone_right >= 14 && turned_right + 2 >= alone_right, "of 24 {turned_right} right, {alone_right} alone");
     }
 
     #[test]

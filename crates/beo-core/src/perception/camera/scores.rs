@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// A step of yaw is looked at if it is within this many steps of a yaw that is told.
+/// A step of yaw is beside a yaw if it is within this many steps of it.
 const REACH: f64 = 1.5;
 
 /// Yaw, size and place as far as they are known, in the view's frame.
@@ -59,6 +59,11 @@ impl Cell {
     /// The expected yaw in the view's frame, radians.
     pub fn yaw(&self) -> f64 {
         CameraDensities::yaw(self.step) + self.offsets[0]
+    }
+
+    /// Whether its step of yaw is beside a yaw in the view's frame, radians.
+    pub fn is_beside(&self, yaw: f64) -> bool {
+        is_beside(self.step, yaw)
     }
 
     /// The expected scale: units per voxel of the canonical grid.
@@ -178,14 +183,14 @@ impl CameraScores {
         4 * CELLS * size
     }
 
-    /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`; of `only`, if it is given, a component near a yaw.
+    /// All wanted classes at all steps of yaw that agree with what is told, into `work.cells`; `only` one component, if it is given.
     pub fn score(
         &self,
         frame: &ViewFrame,
         observation: &Observation,
         told: &KnownPlacement,
         wanted: &[bool],
-        only: Option<(usize, f64)>,
+        only: Option<usize>,
         work: &mut ViewWork,
     ) {
         let ViewWork { shadow, features, gaussian, centred, regression, cells, .. } = work;
@@ -199,14 +204,12 @@ impl CameraScores {
         cells.clear();
         let elevations = densities.beside(frame.elevation);
         for step in 0..YAWS {
-            let from_step = |yaw: f64| wrapped(yaw - CameraDensities::yaw(step));
-            let rest = told.yaw.map(from_step);
-            let near = [rest, only.map(|(_, yaw)| from_step(yaw))];
-            if near.into_iter().flatten().any(|rest| rest.abs() > REACH * TAU / YAWS as f64) {
+            if told.yaw.is_some_and(|yaw| !is_beside(step, yaw)) {
                 continue;
             }
+            let rest = told.yaw.map(|yaw| wrapped(yaw - CameraDensities::yaw(step)));
             let is_wanted = |place: usize, component: &Component| {
-                let is_asked = only.is_none_or(|(only, _)| only == place);
+                let is_asked = only.is_none_or(|only| only == place);
                 is_asked && wanted[component.class] && (!told.upright || component.is_upright())
             };
             for (component, of) in densities.components.iter().enumerate().filter(|(place, of)| is_wanted(*place, of)) {
@@ -290,6 +293,11 @@ impl KnownPlacement {
         let place = |axis: usize| self.place.map(|place| place[axis]);
         [rest, self.scale.map(f64::ln), place(0), place(1), place(2), None, None, None]
     }
+}
+
+/// Whether a step of yaw is beside a yaw, radians.
+fn is_beside(step: usize, yaw: f64) -> bool {
+    wrapped(yaw - CameraDensities::yaw(step)).abs() <= REACH * TAU / YAWS as f64
 }
 
 /// An angle in [−π, π).

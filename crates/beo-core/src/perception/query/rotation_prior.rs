@@ -10,6 +10,8 @@ const MOST_CONCENTRATED: f64 = 1e5;
 /// Components of less weight are no place to begin a search.
 const NEGLIGIBLE: f64 = 0.01;
 
+/// Time from frame to frame, seconds.
+const FRAME_S: f64 = 1.0 / 30.0;
 /// From frame to frame an object turns by about 10°: κ = 1/σ².
 const FRAME_CONCENTRATION: f64 = 32.8;
 /// Probability that it turned in any other way, or that the last answer was wrong: what lets tracking recover.
@@ -56,6 +58,13 @@ impl RotationPrior {
     pub fn continuing(percept: &Percept) -> Self {
         let others = percept.hypotheses.iter().map(|h| (h.rotation, (1.0 - COMMITMENT) * h.probability));
         Self::mixture(std::iter::once((percept.rotation_object_to_grid, COMMITMENT)).chain(others), FRAME_CONCENTRATION, FRAME_FLOOR)
+    }
+
+    /// The same where not a frame but `seconds` have passed since the object was seen: its uniform part grows as if it had the same chance of
+    /// being turned in any way in each of the frames between.
+    pub fn after(&self, seconds: f64) -> Self {
+        let frames = (seconds / FRAME_S).max(1.0);
+        Self { floor: 1.0 - (1.0 - self.floor).powf(frames), ..self.clone() }
     }
 
     /// The same density of rotations that are followed by `rotation`, as for a grid in which this one is turned so.
@@ -127,6 +136,10 @@ mod tests {
         let density = prior.log_density(PoseSearch::YAW);
         assert!((density(&yaw(5.0)) - 0.1_f64.ln()).abs() < 1e-6);
         assert!(density(&yaw(1.0)) > density(&yaw(2.0)) && density(&yaw(2.0)) > 1.0);
+        // Half a second of fifteen frames in which a tenth becomes uniform; less than a frame counts as one.
+        let later = |seconds: f64| prior.after(seconds).log_density(PoseSearch::YAW)(&yaw(5.0));
+        assert!((later(0.5) - (1.0 - 0.9_f64.powi(15)).ln()).abs() < 1e-6 && (later(0.01) - 0.1_f64.ln()).abs() < 1e-6);
+        assert_eq!(RotationPrior::uniform().after(1.0).log_density(PoseSearch::YAW)(&yaw(3.0)), 0.0);
         assert_eq!(RotationPrior::uniform().log_density(PoseSearch::Full)(&yaw(3.0)), 0.0);
         assert!(RotationPrior::around(yaw(0.0), f64::INFINITY).log_density(PoseSearch::YAW)(&yaw(3.0)).is_finite());
     }
