@@ -1,7 +1,8 @@
 //! The whole program against an independent ROS 2 graph: a made-up scene goes in as images, by the DDS implementation CycloneDDS, and comes
 //! back as detections, clouds, markers and diagnostics.
 //!
-//! Left out, with a line, where `$BEO_PYTHON` (or `python3`) has no module `cyclonedds`. The daemon is `$BEO_PROGRAM`, or built here.
+//! And against rclpy, which is ROS 2's own client library over another DDS implementation, Fast DDS. Each is left out, with a line, where
+//! `$BEO_PYTHON` (or `python3`) lacks it. The daemon is `$BEO_PROGRAM`, or built here.
 
 use serde_json::Value;
 use std::io::{BufRead as _, BufReader};
@@ -53,13 +54,38 @@ impl Drop for Running {
     }
 }
 
-fn python() -> Option<String> {
-    let python = std::env::var("BEO_PYTHON").unwrap_or_else(|_| "python3".into());
-    let has = Command::new(&python).args(["-c", "import cyclonedds"]).stderr(Stdio::null()).status().is_ok_and(|status| status.success());
-    if !has {
-        eprintln!("skipped: {python} has no module cyclonedds (pip install cyclonedds, and set BEO_PYTHON)");
+/// Another program that speaks to the node.
+#[derive(Clone, Copy)]
+enum Peer {
+    /// `tests/peer.py`, over CycloneDDS.
+    Cyclone,
+    /// `tests/ros_peer.py`, over rclpy.
+    Ros,
+}
+
+impl Peer {
+    /// Its script, the modules of Python that it needs, and how to have them.
+    fn needs(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::Cyclone => ("tests/peer.py", "import cyclonedds", "cyclonedds"),
+            Self::Ros => (
+                "tests/ros_peer.py",
+                "import rclpy, sensor_msgs.msg, visualization_msgs.msg",
+                "ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-visualization-msgs",
+            ),
+        }
     }
-    has.then_some(python)
+
+    /// The Python that can run it, if there is one.
+    fn python(self) -> Option<String> {
+        let (_, modules, wheels) = self.needs();
+        let python = std::env::var("BEO_PYTHON").unwrap_or_else(|_| "python3".into());
+        let has = Command::new(&python).args(["-c", modules]).stderr(Stdio::null()).status().is_ok_and(|status| status.success());
+        if !has {
+            eprintln!("skipped: {python} cannot `{modules}` (pip install {wheels}, and set BEO_PYTHON)");
+        }
+        has.then_some(python)
+    }
 }
 
 fn root() -> PathBuf {
@@ -150,8 +176,8 @@ fn scene() -> (Vec<f32>, Vec<Thing>) {
     (depth, things)
 }
 
-/// Publishes the scene until `count` answers came; what came back.
-fn play(python: &str, domain: &str, encoding: &str, count: u32) -> (Value, Vec<Thing>) {
+/// Has a peer publish the scene until `count` answers came; what came back.
+fn play(peer: Peer, python: &str, domain: &str, encoding: &str, count: u32) -> (Value, Vec<Thing>) {
     let folder = tempfile::tempdir().unwrap();
     let (depth, things) = scene();
     let bytes: Vec<u8> =
@@ -162,12 +188,23 @@ fn play(python: &str, domain: &str, encoding: &str, count: u32) -> (Value, Vec<T
         "encoding": encoding, "count": count, "seconds": PATIENCE.as_secs() / 2, "pause": 0.1,
     });
     std::fs::write(folder.path().join("camera.json"), camera.to_string()).unwrap();
-    let loopback = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"false\"/></Interfaces>\
-        <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
-        <Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
     let mut command = Command::new(python);
-    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peer.py")).arg(domain).arg(folder.path());
-    command.env("CYCLONEDDS_URI", loopback).env("PYTHONDONTWRITEBYTECODE", "1").stdout(Stdio::piped());
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(peer.needs().0)).env("PYTHONDONTWRITEBYTECODE", "1").stdout(Stdio::piped());
+    match peer {
+        Peer::Cyclone => {
+            let loopback = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"false\"/></Interfaces>\
+                <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
+                <Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
+            command.arg(domain).arg(folder.path()).env("CYCLONEDDS_URI", loopback)
+        }
+        // What an installed ROS 2 may have set of these is not for this test.
+        Peer::Ros => command
+            .arg(folder.path())
+            .env("ROS_DOMAIN_ID", domain)
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .env("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+            .env("ROS_LOG_DIR", folder.path()),
+    };
     let mut peer = Running::start(&mut command);
     let line = BufReader::new(peer.0.stdout.take().unwrap()).lines().next().expect("the peer prints a line").unwrap();
     assert!(peer.end(PATIENCE).is_some_and(|status| status.success()));
@@ -191,11 +228,11 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 #[test]
 fn a_scene_comes_back_as_detections_cloud_markers_and_diagnostics() {
-    let Some(python) = python() else { return };
+    let Some(python) = Peer::Cyclone.python() else { return };
     let (instance, domain) = names(0);
     let _daemon = daemon(&instance);
     let mut node = node(&instance, &domain, &[]);
-    let (found, things) = play(&python, &domain, "32FC1", 8);
+    let (found, things) = play(Peer::Cyclone, &python, &domain, "32FC1", 8);
     let arrays = found["detections"].as_array().unwrap();
     assert!(arrays.len() >= 8, "{found}");
     let classes: Vec<&str> = found["classes"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
@@ -251,16 +288,41 @@ fn a_scene_comes_back_as_detections_cloud_markers_and_diagnostics() {
 
 #[test]
 fn millimetres_are_understood_and_a_node_may_come_before_its_daemon() {
-    let Some(python) = python() else { return };
+    let Some(python) = Peer::Cyclone.python() else { return };
     let (instance, domain) = names(1);
     let _node = node(&instance, &domain, &[]);
     let _daemon = daemon(&instance);
-    let (found, things) = play(&python, &domain, "16UC1", 2);
+    let (found, things) = play(Peer::Cyclone, &python, &domain, "16UC1", 2);
     let last = found["detections"].as_array().unwrap().last().unwrap();
     let objects = last["objects"].as_array().unwrap();
     for thing in &things {
         assert!(objects.iter().any(|object| thing.is_found_by(object)), "{last}");
     }
+}
+
+/// ROS 2's own client library: image and camera in, markers and cloud out, under the image's stamp and frame.
+#[test]
+fn a_node_of_ros_itself_publishes_images_and_reads_markers_and_clouds() {
+    let Some(python) = Peer::Ros.python() else { return };
+    let (instance, domain) = names(2);
+    let _daemon = daemon(&instance);
+    let _node = node(&instance, &domain, &[]);
+    let (found, things) = play(Peer::Ros, &python, &domain, "32FC1", 12);
+    let sent = 1000 + found["sent"].as_i64().unwrap();
+    let cloud = found["clouds"].as_array().unwrap().iter().find(|cloud| cloud["count"].as_u64() > Some(500)).unwrap();
+    assert_eq!(cloud["fields"], serde_json::json!(["x", "y", "z", "occupancy", "deviation", "object"]));
+    assert_eq!((cloud["header"]["frame_id"].as_str(), cloud["header"]["nanosec"].as_i64()), (Some(FRAME), Some(500)));
+    assert!((1001..=sent).contains(&cloud["header"]["sec"].as_i64().unwrap()), "{cloud}");
+    let first = numbers(&cloud["first"][0]);
+    assert!(things.iter().any(|thing| distance(&first[..3], &thing.middle) < 0.15) && (0.5..=1.0).contains(&first[3]), "{first:?}");
+    let drawn = found["markers"].as_array().unwrap().last().unwrap().as_array().unwrap();
+    let texts = drawn.iter().filter(|marker| marker[0] == "class" && marker[4].as_str().unwrap().starts_with("box "));
+    assert_eq!(texts.count(), things.len(), "{drawn:?}");
+    assert!(found["nodes"].as_array().unwrap().contains(&"beo".into()), "{found}");
+    for (topic, kind) in [("/beo/detections", "vision_msgs/msg/Detection3DArray"), ("/beo/markers", "visualization_msgs/msg/MarkerArray")] {
+        assert_eq!(found["topics"][topic], serde_json::json!([kind]), "{}", found["topics"]);
+    }
+    eprintln!("image published to markers read, ms: {}", found["latency_ms"]);
 }
 
 #[test]
