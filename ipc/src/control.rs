@@ -71,6 +71,14 @@ pub struct ReloadReply {
 }
 layout!(ReloadReply: 528, reserved from 528 { abi_version @ 0, refused @ 4, model_id @ 8, explanation @ 16 });
 
+impl ReloadReply {
+    /// The model that is served now, and why not the one asked for.
+    pub fn new(model_id: u64, refusal: Option<&str>) -> Self {
+        let explanation = to_field(refusal.unwrap_or_default());
+        Self { abi_version: ABI_VERSION, refused: u32::from(refusal.is_some()), model_id, explanation }
+    }
+}
+
 type Service = request_response::PortFactory<Ipc, ReloadRequest, (), ReloadReply, ()>;
 
 /// The daemon's end.
@@ -155,6 +163,11 @@ pub struct ReloadCall {
 }
 
 impl ReloadCall {
+    /// The call itself, for a relay.
+    pub fn request(&self) -> &ReloadRequest {
+        &self.request
+    }
+
     /// The model file that is asked for: see [`ReloadRequest::path`].
     ///
     /// # Errors
@@ -165,9 +178,12 @@ impl ReloadCall {
 
     /// Answers: the model that is served now, and why not the one asked for. A caller that is gone is its own affair.
     pub fn answer(self, model_id: u64, refusal: Option<&str>) {
-        let explanation = to_field(refusal.unwrap_or_default());
-        let reply = ReloadReply { abi_version: ABI_VERSION, refused: u32::from(refusal.is_some()), model_id, explanation };
-        if let Err(error) = self.active.send_copy(reply) {
+        self.forward(&ReloadReply::new(model_id, refusal));
+    }
+
+    /// Answers with a reply as it is: that of a daemon elsewhere.
+    pub fn forward(self, reply: &ReloadReply) {
+        if let Err(error) = self.active.send_copy(*reply) {
             tracing::debug!(?error, "the answer to a control call was not delivered");
         }
     }
@@ -188,10 +204,22 @@ pub fn request_reload(instance: &InstanceName, model: Option<&Path>, timeout: Du
         }
         request.model[..bytes.len()].copy_from_slice(bytes);
     }
+    let reply = forward_reload(instance, &request, timeout)?;
+    match reply.refused {
+        0 => Ok(reply.model_id),
+        _ => Err(ReloadError::Refused(from_field(&reply.explanation).to_owned())),
+    }
+}
+
+/// Calls the daemon of `instance` with a request as it is, and gives its reply as it is.
+///
+/// # Errors
+/// As [`request_reload`], but that a refusal is a reply like another.
+pub fn forward_reload(instance: &InstanceName, request: &ReloadRequest, timeout: Duration) -> Result<ReloadReply, ReloadError> {
     let node = node::create("control", instance)?;
     let service = open(&node, instance)?;
     let client = service.client_builder().create().map_err(|error| failed(&instance.control(), error))?;
-    let pending = client.send_copy(request).map_err(|error| ReloadError::Failed(format!("{error:?}")))?;
+    let pending = client.send_copy(*request).map_err(|error| ReloadError::Failed(format!("{error:?}")))?;
     if pending.number_of_server_connections() == 0 {
         return Err(OpenError::NotRunning { instance: instance.clone() }.into());
     }
@@ -200,11 +228,7 @@ pub fn request_reload(instance: &InstanceName, model: Option<&Path>, timeout: Du
         // Asked before looking for the answer: one that came with the end of the connection is still found.
         let connected = pending.is_connected();
         if let Some(reply) = pending.receive().map_err(|error| ReloadError::Failed(format!("{error:?}")))? {
-            let reply = copy_of(reply.payload());
-            return match reply.refused {
-                0 => Ok(reply.model_id),
-                _ => Err(ReloadError::Refused(from_field(&reply.explanation).to_owned())),
-            };
+            return Ok(copy_of(reply.payload()));
         }
         if !connected {
             return Err(ReloadError::Gone);

@@ -1,9 +1,11 @@
 //! Messages as bytes, and stamps of one machine's clock as another's: for a relay between machines.
 //!
 //! Together with [`crate::Loan::forward`], [`crate::Server::forward`] and [`crate::Server::forward_status`], which send what comes from
-//! elsewhere as it is: producer, sequence, daemon and stamps stay those of its origin.
+//! elsewhere as it is: producer, sequence, daemon and stamps stay those of its origin; and with [`forward_reload`] and
+//! [`crate::ReloadCall::forward`] for control calls.
 
 use crate::messages::{CompletionHeader, ObservationHeader, Percept, Status};
+pub use crate::control::{ReloadReply, ReloadRequest, forward_reload};
 pub use crate::shared::Plain;
 use crate::shared::{bytes_of, message_of};
 

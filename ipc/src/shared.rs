@@ -10,6 +10,7 @@ use iceoryx2::prelude::{FileDescriptorBased as _, ZeroCopySend};
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 
+use crate::control::{ReloadReply, ReloadRequest};
 use crate::messages::{CompletionHeader, ObservationHeader, Percept, Status};
 use crate::node::Ipc;
 
@@ -24,7 +25,7 @@ pub trait Plain: Copy + sealed::Sealed {}
 macro_rules! plain {
     ($($message:ident),+) => { $(impl sealed::Sealed for $message {} impl Plain for $message {})+ };
 }
-plain!(ObservationHeader, Percept, CompletionHeader, Status);
+plain!(ObservationHeader, Percept, CompletionHeader, Status, ReloadRequest, ReloadReply);
 
 /// The bytes of a message, as they lie in shared memory.
 pub(crate) fn bytes_of<M: Plain>(message: &M) -> &[u8] {

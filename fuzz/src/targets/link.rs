@@ -27,6 +27,10 @@ pub fn run(data: &[u8]) {
         moved(&mut status, data);
         assert!(voxel_count(status.dims).is_some());
     }
+    if let Ok(request) = wire::reload_request(data) {
+        drop(request.path());
+    }
+    drop(wire::reload_reply(data));
     assert_eq!(wire::clock(data).is_ok(), data.len() == 8);
 }
 

@@ -51,6 +51,9 @@ pub struct Near {
     /// When the link is full, drop completions rather than hold up percepts
     #[arg(long)]
     pub drop_completions: bool,
+    /// When the link is full, drop percepts rather than wait: one slow reader then holds up no other, and sees its gaps by their numbers
+    #[arg(long)]
+    pub drop_percepts: bool,
 }
 
 /// The end away from the daemon.

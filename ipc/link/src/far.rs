@@ -7,9 +7,10 @@ use crate::session::{LinkError, open, publisher, zenoh_error};
 use crate::trouble::Troubles;
 use crate::wire;
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::relay::{Stamped, to_bytes};
-use beo_ipc::{InstanceName, ObservationHeader, Percept, Server, ServerOptions, Status};
+use beo_ipc::relay::{ReloadReply, Stamped, to_bytes};
+use beo_ipc::{InstanceName, ObservationHeader, Percept, ReloadCall, Server, ServerOptions, Status};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::bytes::ZBytes;
@@ -25,6 +26,8 @@ const SILENCE: Duration = Duration::from_secs(3);
 const TRIP: Duration = Duration::from_secs(1);
 const FIRST_TRIPS: u32 = 8;
 const FIRST_TRIP: Duration = Duration::from_millis(20);
+/// A call for another model is answered in this time, or refused here.
+const RELOAD: Duration = Duration::from_secs(60);
 
 /// Runs until `stop`.
 ///
@@ -47,7 +50,7 @@ pub fn run(arguments: &Far, stop: &AtomicBool) -> Result<(), LinkError> {
     eprintln!("beo-link: far end of `{}`, played as `{played}`", arguments.instance);
     std::thread::scope(|scope| {
         scope.spawn(|| keep_time(&session, &keys.clock, &shared, stop));
-        let outcome = play(&played, &shared, &observations, stop);
+        let outcome = play(&played, &shared, &observations, &mut Calls::new(&session, &keys.control), stop);
         stop.store(true, Ordering::Relaxed);
         outcome
     })?;
@@ -75,12 +78,19 @@ fn keep_time(session: &Session, key: &str, shared: &Shared, stop: &AtomicBool) {
 }
 
 /// Plays the daemon, as long as there is one.
-fn play(instance: &InstanceName, shared: &Shared, observations: &zenoh::pubsub::Publisher<'_>, stop: &AtomicBool) -> Result<(), LinkError> {
+fn play(
+    instance: &InstanceName,
+    shared: &Shared,
+    observations: &zenoh::pubsub::Publisher<'_>,
+    calls: &mut Calls<'_>,
+    stop: &AtomicBool,
+) -> Result<(), LinkError> {
     let (mut housekeeping, mut dims) = (Instant::now(), [0; 3]);
     while !stop.load(Ordering::Relaxed) {
         let heard = shared.heard();
         let Some((status, offset)) = heard else {
             if lock(&shared.server).take().is_some() {
+                calls.abandon("nothing is heard of the daemon on the other machine");
                 eprintln!("beo-link: nothing is heard of the daemon: `{instance}` is played no longer");
             }
             std::thread::sleep(LOOK);
@@ -124,13 +134,68 @@ fn play(instance: &InstanceName, shared: &Shared, observations: &zenoh::pubsub::
             let bytes = [to_bytes(&header), voxels].concat();
             observations.put(bytes).wait().map_err(zenoh_error("cannot send an observation"))?;
         }
+        calls.pass_on(&server)?;
         if Instant::now() >= housekeeping {
             housekeeping = Instant::now() + HOUSEKEEPING;
             server.maintain();
         }
     }
+    calls.abandon("the link is stopping");
     lock(&shared.server).take();
     Ok(())
+}
+
+/// Control calls of this machine's clients, answered by the daemon on the other. One at a time: others wait.
+struct Calls<'a> {
+    session: &'a Session,
+    key: &'a str,
+    /// The call under way, and where its answer comes from.
+    asked: Option<(ReloadCall, Receiver<ReloadReply>)>,
+}
+
+impl<'a> Calls<'a> {
+    fn new(session: &'a Session, key: &'a str) -> Self {
+        Self { session, key, asked: None }
+    }
+
+    /// Asks the daemon about the next call, and answers the one that it has answered.
+    fn pass_on(&mut self, server: &Server) -> Result<(), LinkError> {
+        if let Some((call, reply)) = self.asked.take() {
+            match reply.try_recv() {
+                Ok(reply) => call.forward(&reply),
+                Err(TryRecvError::Empty) => self.asked = Some((call, reply)),
+                Err(TryRecvError::Disconnected) => call.answer(0, Some(UNANSWERED)),
+            }
+        } else if let Some(call) = server.receive_reload()? {
+            let (answer, reply) = channel();
+            let request = to_bytes(call.request()).to_vec();
+            let (session, key) = (self.session.clone(), self.key.to_owned());
+            std::thread::spawn(move || answer.send(ask(&session, &key, request)).ok());
+            self.asked = Some((call, reply));
+        }
+        Ok(())
+    }
+
+    /// Answers the call under way in the daemon's place.
+    fn abandon(&mut self, why: &str) {
+        if let Some((call, _)) = self.asked.take() {
+            call.answer(0, Some(why));
+        }
+    }
+}
+
+/// Where the other end gives no answer.
+const UNANSWERED: &str = "the other end of the link gave no answer; the model may still be loading there";
+
+/// Asks the other end with a reload request; its reply, or this end's own refusal.
+fn ask(session: &Session, key: &str, request: Vec<u8>) -> ReloadReply {
+    let reply = session.get(key).payload(request).timeout(RELOAD).wait().ok().and_then(|replies| replies.recv().ok());
+    let reply = reply.and_then(|reply| reply.into_result().ok());
+    match reply.map(|sample| wire::reload_reply(&sample.payload().to_bytes())) {
+        Some(Ok(reply)) => reply,
+        Some(Err(error)) => ReloadReply::new(0, Some(&error.to_string())),
+        None => ReloadReply::new(0, Some(UNANSWERED)),
+    }
 }
 
 /// A refusal of this end's own, in the daemon's name; it takes none of the daemon's numbers.

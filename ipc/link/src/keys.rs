@@ -13,6 +13,8 @@ pub struct Keys {
     pub completion: String,
     /// From it; also by query.
     pub status: String,
+    /// By query with a reload request: its reply.
+    pub control: String,
     /// By query: CLOCK_MONOTONIC of its machine, nanoseconds, 8 bytes, little-endian.
     pub clock: String,
 }
@@ -26,6 +28,7 @@ impl Keys {
             percept: key("percept"),
             completion: key("completion"),
             status: key("status"),
+            control: key("control"),
             clock: key("clock"),
         }
     }

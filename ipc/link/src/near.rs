@@ -6,13 +6,15 @@ use crate::session::{LinkError, open, publisher, zenoh_error};
 use crate::trouble::Troubles;
 use crate::wire;
 use beo_ipc::clock::monotonic_ns;
-use beo_ipc::relay::to_bytes;
+use beo_ipc::relay::{ReloadReply, forward_reload, to_bytes};
 use beo_ipc::{InstanceName, OpenError, Producer, ReconnectError, ReconnectingSubscriber, SubscriberOptions, Waited};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::Wait as _;
+use zenoh::query::Query;
 
 /// How often the loop looks whether it is to end.
 const LOOK: Duration = Duration::from_millis(50);
@@ -22,6 +24,10 @@ const STATUS: Duration = Duration::from_millis(100);
 const HOUSEKEEPING: Duration = Duration::from_secs(1);
 /// A producer that was silent for so long has its place taken by another.
 const IDLE: Duration = Duration::from_secs(10);
+/// A call for another model is answered in this time, or never.
+const RELOAD: Duration = Duration::from_secs(60);
+/// Calls that wait while one is answered.
+const MOST_CALLS: usize = 4;
 /// Producers of the other end at a time; the daemon has places for its own as well.
 const MOST_PRODUCERS: usize = 8;
 
@@ -32,7 +38,7 @@ const MOST_PRODUCERS: usize = 8;
 pub fn run(arguments: &Near, stop: &AtomicBool) -> Result<(), LinkError> {
     let (keys, troubles) = (Keys::new(&arguments.instance), Arc::new(Troubles::default()));
     let session = open(&arguments.endpoints)?;
-    let percepts = publisher(&session, &keys.percept, false)?;
+    let percepts = publisher(&session, &keys.percept, arguments.drop_percepts)?;
     let completions = publisher(&session, &keys.completion, arguments.drop_completions)?;
     let statuses = publisher(&session, &keys.status, false)?;
     let inlet = Arc::new(Mutex::new(Inlet::new(arguments.instance.clone())));
@@ -53,6 +59,19 @@ pub fn run(arguments: &Near, stop: &AtomicBool) -> Result<(), LinkError> {
         .callback(move |query| drop(query.reply(&answered, monotonic_ns().to_le_bytes()).wait()))
         .wait()
         .map_err(zenoh_error("cannot answer for the clock"))?;
+    let (calls, waiting) = sync_channel(MOST_CALLS);
+    let _control = session
+        .declare_queryable(&keys.control)
+        .callback(move |query| {
+            if let Err(TrySendError::Full(query) | TrySendError::Disconnected(query)) = calls.try_send(query) {
+                reply(&query, &refusal("other calls for a model wait already"));
+            }
+        })
+        .wait()
+        .map_err(zenoh_error("cannot answer control calls"))?;
+    let called = arguments.instance.clone();
+    // It ends with the session, or with the process in the midst of a call.
+    std::thread::spawn(move || waiting.iter().for_each(|query| answer_call(&called, &query)));
     let last_status: Arc<Mutex<Option<Vec<u8>>>> = Arc::default();
     let (asked, answered) = (last_status.clone(), keys.status.clone());
     let _status = session
@@ -103,6 +122,26 @@ pub fn run(arguments: &Near, stop: &AtomicBool) -> Result<(), LinkError> {
         }
     }
     session.close().wait().map_err(zenoh_error("cannot close the link"))
+}
+
+/// Passes a control call on to the daemon, and its reply back.
+fn answer_call(instance: &InstanceName, query: &Query) {
+    let bytes = query.payload().map(|payload| payload.to_bytes().into_owned()).unwrap_or_default();
+    let outcome = match wire::reload_request(&bytes) {
+        Ok(request) => forward_reload(instance, &request, RELOAD).map_err(|error| error.to_string()),
+        Err(error) => Err(error.to_string()),
+    };
+    reply(query, &outcome.unwrap_or_else(|error| refusal(&error)));
+}
+
+/// A refusal of this end's own, which knows no model.
+fn refusal(why: &str) -> ReloadReply {
+    ReloadReply::new(0, Some(why))
+}
+
+fn reply(query: &Query, reply: &ReloadReply) {
+    // Who asked and is gone is its own affair.
+    drop(query.reply(query.key_expr(), to_bytes(reply)).wait());
 }
 
 /// The reader of the daemon, joined if it is not yet.

@@ -3,7 +3,7 @@
 //! Nothing here knows of zenoh, so that hostile bytes can be tried without a network (`fuzz`, target `link`).
 
 use beo_ipc::limits::voxel_count;
-use beo_ipc::relay::from_bytes;
+use beo_ipc::relay::{ReloadReply, ReloadRequest, from_bytes};
 use beo_ipc::validate::validate;
 use beo_ipc::{ABI_VERSION, CompletionHeader, ObservationHeader, Percept, Refusal, Status};
 
@@ -70,6 +70,28 @@ pub fn status(bytes: &[u8]) -> Result<Status, Broken> {
     }
 }
 
+/// A call for another model; of its path nothing is looked at.
+///
+/// # Errors
+/// [`Broken`].
+pub fn reload_request(bytes: &[u8]) -> Result<ReloadRequest, Broken> {
+    match from_bytes::<ReloadRequest>(bytes) {
+        Some((request, [])) if request.abi_version == ABI_VERSION => Ok(request),
+        _ => Err(Broken(bytes.len())),
+    }
+}
+
+/// The answer to such a call.
+///
+/// # Errors
+/// [`Broken`].
+pub fn reload_reply(bytes: &[u8]) -> Result<ReloadReply, Broken> {
+    match from_bytes::<ReloadReply>(bytes) {
+        Some((reply, [])) if reply.abi_version == ABI_VERSION => Ok(reply),
+        _ => Err(Broken(bytes.len())),
+    }
+}
+
 /// The other machine's clock, nanoseconds.
 ///
 /// # Errors
@@ -83,7 +105,7 @@ mod tests {
     use super::*;
     use beo_ipc::relay::to_bytes;
 
-    /// Good messages: an observation, a completion, a percept and a status on 8 x 8 x 8 voxels.
+    /// Good messages: an observation, a completion, a percept and a status on 8 x 8 x 8 voxels, a call for another model and its answer.
     fn seeds() -> Vec<Vec<u8>> {
         let observed = ObservationHeader { producer_id: 7, sequence: 1, ..ObservationHeader::new([8; 3]) };
         let completed = CompletionHeader { dims: [8; 3], ..CompletionHeader::default() };
@@ -93,11 +115,13 @@ mod tests {
             [to_bytes(&completed), &[128; 1024]].concat(),
             to_bytes(&Percept::EMPTY).to_vec(),
             to_bytes(&status).to_vec(),
+            to_bytes(&ReloadRequest { abi_version: ABI_VERSION, model: [b'/'; 4096] }).to_vec(),
+            to_bytes(&ReloadReply::new(9, Some("it is damaged"))).to_vec(),
         ]
     }
 
-    /// How many of the five take it.
-    fn takers(bytes: &[u8]) -> [bool; 5] {
+    /// Which of the seven take it.
+    fn takers(bytes: &[u8]) -> [bool; 7] {
         let observation = observation(bytes);
         if let Ok((header, voxels)) = &observation {
             assert_eq!(voxel_count(header.dims), Some(voxels.len()));
@@ -106,13 +130,14 @@ mod tests {
         if let Ok((header, occupancy, deviation)) = &completion {
             assert_eq!([occupancy.len(), deviation.len()].map(Some), [voxel_count(header.dims); 2]);
         }
-        [observation.is_ok(), completion.is_ok(), percept(bytes).is_ok(), status(bytes).is_ok(), clock(bytes).is_ok()]
+        let [request, reply] = [reload_request(bytes).is_ok(), reload_reply(bytes).is_ok()];
+        [observation.is_ok(), completion.is_ok(), percept(bytes).is_ok(), status(bytes).is_ok(), request, reply, clock(bytes).is_ok()]
     }
 
     #[test]
     fn each_message_is_taken_for_what_it_is_alone() {
         for (kind, seed) in seeds().iter().enumerate() {
-            let expected: [bool; 5] = std::array::from_fn(|taker| taker == kind);
+            let expected: [bool; 7] = std::array::from_fn(|taker| taker == kind);
             assert_eq!(takers(seed), expected);
             // A byte too few or too many, and another version.
             let mut other_version = seed.clone();
@@ -120,7 +145,7 @@ mod tests {
             let mut long = seed.clone();
             long.push(0);
             for wrong in [&seed[..seed.len() - 1], &long, &other_version] {
-                assert_eq!(takers(wrong), [false; 5], "message {kind}");
+                assert_eq!(takers(wrong), [false; 7], "message {kind}");
             }
         }
         assert_eq!((clock(&7_u64.to_le_bytes()), clock(&[0; 7]), clock(&[])), (Ok(7), Err(Broken(7)), Err(Broken(0))));

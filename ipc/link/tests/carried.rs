@@ -5,10 +5,14 @@
 
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::to_field;
-use beo_ipc::{InstanceName, ObservationHeader, Percept, Producer, Server, ServerOptions, Status, Subscriber, SubscriberOptions, tasks};
+use beo_ipc::{
+    InstanceName, ObservationHeader, Percept, Producer, ReloadError, Server, ServerOptions, Status, Subscriber, SubscriberOptions,
+    request_reload, tasks,
+};
 use std::collections::BTreeMap;
 use std::io::{BufRead as _, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
@@ -93,6 +97,12 @@ impl Daemon {
                     beat = Instant::now() + Duration::from_millis(200);
                 }
                 server.wait(Duration::from_millis(20)).unwrap();
+                if let Some(call) = server.receive_reload().unwrap() {
+                    match call.model() {
+                        Ok(Some(path)) if path == Path::new("/models/good") => call.answer(77, None),
+                        other => call.answer(76, Some(&format!("cannot serve {other:?}"))),
+                    }
+                }
                 while let Some(observation) = server.receive().unwrap() {
                     let received_ns = monotonic_ns();
                     let header = *observation.header();
@@ -335,6 +345,33 @@ fn a_link_that_was_cut_and_a_daemon_that_was_restarted_are_as_they_were_before()
     let daemon = Daemon::start(&near);
     let clients = Clients::open(&far);
     assert_eq!(clients.until_answered().daemon_id, daemon.id);
+}
+
+#[test]
+fn a_call_for_another_model_is_answered_by_the_daemon_of_the_other_machine() {
+    let (near, far, address) = (name("near"), name("far"), free());
+    let endpoint = format!("tcp/{address}");
+    let daemon = Daemon::start(&near);
+    let mut near_end = Running::link(&["near", "--instance", near.as_str(), "--listen", &endpoint]);
+    let _far_end = Running::link(&["far", "--instance", near.as_str(), "--as", far.as_str(), "--connect", &endpoint]);
+    let clients = Clients::open(&far);
+    clients.until_answered();
+    let ask = |model: Option<&str>| request_reload(&far, model.map(Path::new), PATIENCE);
+    assert_eq!(ask(Some("/models/good")).unwrap(), 77);
+    for (model, words) in [(Some("/models/bad"), "cannot serve Ok(Some(\"/models/bad\"))"), (None, "cannot serve Ok(None)")] {
+        let error = ask(model).unwrap_err();
+        assert!(matches!(&error, ReloadError::Refused(why) if why == words), "{error}");
+    }
+    // Several at a time are answered one after the other.
+    std::thread::scope(|scope| {
+        let asked: Vec<_> = (0..3).map(|_| scope.spawn(|| ask(Some("/models/good")))).collect();
+        asked.into_iter().for_each(|asked| assert_eq!(asked.join().unwrap().unwrap(), 77));
+    });
+    // A link that is cut while a call waits: it is told so.
+    drop(daemon);
+    near_end.end();
+    let error = ask(Some("/models/good")).unwrap_err().to_string();
+    assert!(["gave no answer", "nothing is heard", "no daemon", "ended"].iter().any(|words| error.contains(words)), "{error}");
 }
 
 #[test]
