@@ -4,8 +4,8 @@
 //! elsewhere as it is: producer, sequence, daemon and stamps stay those of its origin; and with [`forward_reload`] and
 //! [`crate::ReloadCall::forward`] for control calls.
 
-use crate::messages::{CompletionHeader, ObservationHeader, Percept, Status};
 pub use crate::control::{ReloadReply, ReloadRequest, forward_reload};
+use crate::messages::{CompletionHeader, ObservationHeader, Percept, Status};
 pub use crate::shared::Plain;
 use crate::shared::{bytes_of, message_of};
 

@@ -2,6 +2,7 @@
 
 mod align;
 mod bench;
+mod browser;
 mod camera;
 mod camera_inputs;
 mod client;

@@ -121,7 +121,8 @@ pub(super) struct FollowedSettings {
 /// Real frames of still objects, with the noise of a structured-light sensor added twelve times over: of 727 frames that were followed the
 /// weighted log evidence fell by less than a third of this in 95 %, and by more in 1 %. Objects that are exchanged for another are mostly told
 /// by how much of them is seen, and by the forest.
-pub(super) const FOLLOWED: FollowedSettings = FollowedSettings { most_frames: 9, share_falls_nats: 1.0, turn_falls_nats: 0.5, fit_falls_nats: 4.0 };
+pub(super) const FOLLOWED: FollowedSettings =
+    FollowedSettings { most_frames: 9, share_falls_nats: 1.0, turn_falls_nats: 0.5, fit_falls_nats: 4.0 };
 
 /// Classes whose posterior by the hull is below this share of the best one's are not worth computing their evidence, which weighs little in the
 /// blend: on objects held out of ModelNet10's `train`, no answer and no log loss changed.

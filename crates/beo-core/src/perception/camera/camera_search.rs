@@ -300,12 +300,7 @@ impl CameraSearch<'_> {
     }
 
     /// Scores classes and steps of yaw into `scratch.view.cells`; by densities, of `only` one component if it is given.
-    fn score_view(
-        &self,
-        view: &SeenObject<'_>,
-        only: Option<usize>,
-        scratch: &mut CameraScratch,
-    ) -> Result<Sureness<'_>, PerceiveError> {
+    fn score_view(&self, view: &SeenObject<'_>, only: Option<usize>, scratch: &mut CameraScratch) -> Result<Sureness<'_>, PerceiveError> {
         let SeenObject { seen, frame, told } = view;
         if let Some((scores, calibration)) = self.cameras.filter(|_| self.is_by_density()) {
             scores.score(frame, seen, told, self.wanted, only, &mut scratch.view);
