@@ -4,12 +4,16 @@ use crate::harness::{instance, text};
 use crate::toolchain::{Language, finish, has, repository, run, scratch, skip, start};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::LazyLock;
 
-/// Builds the package as tests build things, and gives its path.
-fn package() -> PathBuf {
-    let mut command = Command::new(repository().join("packaging/debian"));
-    command.arg(scratch("package")).env("BEO_PROFILE", "dev").env("BEO_PROGRAM", env!("CARGO_BIN_EXE_beo"));
-    PathBuf::from(text(&run(command).stdout).lines().last().unwrap())
+/// The package, built once as tests build things.
+fn package() -> &'static Path {
+    static PACKAGE: LazyLock<PathBuf> = LazyLock::new(|| {
+        let mut command = Command::new(repository().join("packaging/debian"));
+        command.arg(scratch("package")).env("BEO_PROFILE", "dev").env("BEO_PROGRAM", env!("CARGO_BIN_EXE_beo"));
+        PathBuf::from(text(&run(command).stdout).lines().last().unwrap())
+    });
+    &PACKAGE
 }
 
 fn dpkg(arguments: &[&str]) -> String {
@@ -30,8 +34,8 @@ fn the_debian_package_has_everything_and_runs_where_it_is_unpacked() {
     if !has("dpkg-deb") {
         return skip("the Debian package: dpkg-deb is not installed");
     }
-    let (package, root) = (package(), tempfile::tempdir().unwrap());
-    let path = package.to_str().unwrap();
+    let root = tempfile::tempdir().unwrap();
+    let path = package().to_str().unwrap();
     let field = |name: &str| dpkg(&["--field", path, name]).trim().to_owned();
     assert_eq!((field("Package"), field("Version")), ("beo".into(), env!("CARGO_PKG_VERSION").into()));
     assert!(field("Depends").starts_with("libc6 (>= 2."), "{}", field("Depends"));
@@ -69,4 +73,39 @@ fn the_debian_package_has_everything_and_runs_where_it_is_unpacked() {
     run(compile);
     assert_eq!(finish(start(&camera, [&*name, "1", "30"])), ["sent observation 1"]);
     drop(daemon);
+}
+
+/// Exit code of the script below where a copy of this system cannot be had.
+const NO_COPY: i32 = 77;
+
+/// `dpkg -i` on a copy of this system that is thrown away: a layer over its files, in mounts of its own.
+#[test]
+fn the_debian_package_is_installed_verified_and_removed_by_dpkg() {
+    if !has("dpkg") || !has("dpkg-deb") || !has("unshare") {
+        return skip("the installed Debian package: dpkg and unshare are not installed");
+    }
+    let layer = tempfile::tempdir().unwrap();
+    let script = format!(
+        r#"set -e
+        {{ mount -t tmpfs tmpfs "$1" && mkdir "$1/upper" "$1/work" "$1/root" &&
+           mount -t overlay overlay -o "lowerdir=/,upperdir=$1/upper,workdir=$1/work" "$1/root" &&
+           mount --rbind /dev "$1/root/dev" && mount -t proc proc "$1/root/proc"; }} 2>/dev/null || exit {NO_COPY}
+        cp "$2" "$1/root/tmp/beo.deb"
+        inside() {{ chroot "$1/root" sh -ec "$2" </dev/null; }}
+        inside "$1" 'dpkg -i /tmp/beo.deb && dpkg --verify beo && dpkg --status beo | grep "install ok installed"'
+        inside "$1" 'ldconfig -p | grep -q "libbeo.so.2 .*=> .*/libbeo.so.2"'
+        inside "$1" 'if command -v systemd-sysusers >/dev/null; then id beo; fi'
+        inside "$1" 'cd /tmp && beo generate household --count 1 --out things >/dev/null && beo perceive things/mug/train/* --json'
+        inside "$1" 'dpkg -r beo && test ! -e /usr/bin/beo && test ! -e /usr/share/beo && ! ldconfig -p | grep libbeo'
+        "#
+    );
+    let mut command = Command::new("unshare");
+    command.args(["--mount", "sh", "-c", &script, "sh"]).arg(layer.path()).arg(package());
+    let output = command.output().unwrap();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    if output.status.code() == Some(NO_COPY) || said.contains("unshare failed") {
+        return skip("the installed Debian package: this may not mount a copy of the system");
+    }
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("install ok installed") && said.contains("\"class\":\"mug\""), "{said}");
 }
