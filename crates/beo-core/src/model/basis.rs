@@ -96,3 +96,38 @@ impl Basis {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::first_touch::{PIECE, checksums};
+    use super::*;
+
+    #[test]
+    fn rows_are_those_of_their_voxels() {
+        let values: Vec<f16> = (0..5 * 3).map(|i| f16::from_f32(i as f32)).collect();
+        let basis = Basis::new(3, values.clone());
+        assert_eq!((basis.rank(), basis.voxels(), basis.values()), (3, 5, &values[..]));
+        assert_eq!(basis.row(2), &values[6..9]);
+        let mut widened = [0.0; 6];
+        basis.widen(3..5, &mut widened);
+        assert_eq!(widened, [9.0, 10.0, 11.0, 12.0, 13.0, 14.0]);
+        assert_eq!((basis.touch(0..5), basis.check_unchanged()), (Ok(()), Ok(())));
+    }
+
+    #[test]
+    fn rows_of_a_mapped_file_are_checked_before_they_are_read_and_others_are_not() {
+        let rows_a_piece = PIECE / 8;
+        let mut bytes: Vec<u8> = (0..3 * PIECE).map(|i| (i * 31 % 59) as u8).collect();
+        let checksums = checksums(&bytes);
+        bytes[2 * PIECE + 8] ^= 1;
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), &bytes).unwrap();
+        let map = mapping::map(std::fs::File::open(file.path()).unwrap().into()).unwrap();
+        let basis = Basis::mapped(4, Arc::new(map), 0..bytes.len(), FirstTouch::new(checksums));
+        assert_eq!(basis.voxels(), 3 * rows_a_piece);
+        assert_eq!(basis.touch(0..2 * rows_a_piece), Ok(()));
+        let damaged = Err(Damaged::Checksum { offset: 2 * PIECE });
+        assert_eq!(basis.touch(2 * rows_a_piece..2 * rows_a_piece + 1), damaged);
+        assert_eq!(basis.touch(rows_a_piece..2 * rows_a_piece + 1), damaged);
+    }
+}
