@@ -486,6 +486,37 @@ mod tests {
         assert_eq!(ids.len(), 4, "each file has an identity");
     }
 
+    /// A bit of every tensor in turn, and the file's last bytes.
+    #[test]
+    fn a_damaged_or_cut_tensor_is_named_by_loading_and_by_verifying() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        save(&searched_here(small()), &path).unwrap();
+        let good = std::fs::read(&path).unwrap();
+        let (header_bytes, info) = SafeTensors::read_metadata(&good).unwrap();
+        let mut count = 0;
+        for (name, tensor) in info.tensors() {
+            let mut damaged = good.clone();
+            damaged[8 + header_bytes + tensor.data_offsets.0] ^= 4;
+            std::fs::write(&path, damaged).unwrap();
+            for message in [load(&path).unwrap_err().to_string(), verify(&path).unwrap_err().to_string()] {
+                assert!(message.contains(&format!("`{name}` does not match its checksum")), "{message}");
+            }
+            count += 1;
+        }
+        assert!(count > 10);
+        std::fs::write(&path, &good[..good.len() - 5]).unwrap();
+        let total = good.len() - 8 - header_bytes;
+        let message = load(&path).unwrap_err().to_string();
+        assert!(message.contains(&format!("its tensors have {total} bytes, of which {} are there", total - 5)), "{message}");
+        // A header that reaches to the very end is one without tensors; one that reaches beyond is none.
+        for (claimed, words) in [(good.len() as u64 - 8, "damaged"), (good.len() as u64 - 7, "says that it has")] {
+            std::fs::write(&path, [&claimed.to_le_bytes(), &good[8..]].concat()).unwrap();
+            let message = load(&path).unwrap_err().to_string();
+            assert_eq!(message.contains("says that it has"), words == "says that it has", "{message}");
+        }
+    }
+
     #[test]
     fn a_basis_is_mapped_from_its_limit_on_if_its_grid_is_too_large_to_be_searched() {
         let outline = |dims, basis_bytes| {

@@ -239,3 +239,22 @@ pub struct CompletionCalibration {
     /// Weight of being the first unknown voxel below a known one.
     pub surface: f64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A logistic regression on log odds, in closed form.
+    #[test]
+    fn none_is_the_logistic_function_of_weighted_log_odds() {
+        let calibration = NoneCalibration { constant: 0.5, weight: 2.0 };
+        assert!((NoneCalibration::logit(0.8) - 4.0_f64.ln()).abs() < 1e-12);
+        // exp(0.5) · 4² to 1.
+        let odds = 0.5_f64.exp() * 16.0;
+        assert!((calibration.probability(0.8) - odds / (1.0 + odds)).abs() < 1e-12);
+        assert!((calibration.probability(0.5) - 1.0 / (1.0 + (-0.5_f64).exp())).abs() < 1e-12);
+        // Where the forest is certain, its odds are those of one in a thousand.
+        assert_eq!(NoneCalibration::logit(0.0), -NoneCalibration::logit(1.0));
+        assert!((NoneCalibration::logit(1.0) - 999.0_f64.ln()).abs() < 1e-9);
+    }
+}

@@ -615,6 +615,21 @@ mod tests {
         assert!(deviations(&part).iter().zip(deviations(&whole)).all(|(part, whole)| *part > whole + 1e-3));
     }
 
+    #[test]
+    fn only_poses_within_a_stated_span_are_hypotheses() {
+        for seed in 0..4 {
+            let seen = simulation::observe(&unseen("chair", seed), &eye(0.4));
+            let part = ask(&seen, &query(0.4, PoseSearch::Yaw { span: FRAC_PI_2 }, SEARCH));
+            assert!(!part.hypotheses.is_empty());
+            for hypothesis in &part.hypotheses {
+                let angle = yaw_of(&hypothesis.rotation).rem_euclid(TAU);
+                assert!(angle < FRAC_PI_2, "{seed}: {}", angle.to_degrees());
+            }
+            let all = ask(&seen, &query(0.4, PoseSearch::YAW, SEARCH));
+            assert!(all.hypotheses.iter().any(|hypothesis| yaw_of(&hypothesis.rotation).rem_euclid(TAU) > FRAC_PI_2));
+        }
+    }
+
     /// As a daemon asks about the next frame of an object that was answered so.
     fn next(query: &Query, answered: &Percept) -> Query {
         let rotation_prior = crate::perception::RotationPrior::continuing(answered);
