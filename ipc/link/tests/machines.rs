@@ -43,15 +43,12 @@ struct Machine {
 impl Machine {
     /// A machine whose clock is ahead by so many seconds; none where that may not be.
     fn new(ahead_s: u64) -> Option<Self> {
-        let files = std::env::temp_dir().join("iceoryx2");
-        let lonely = format!(
-            "mount -t tmpfs -o size=1g,mode=1777 tmpfs /dev/shm && mkdir -p {0} && mount -t tmpfs tmpfs {0} && ip link set lo up \
-             && echo $$ && exec sleep 600",
-            files.display()
-        );
+        // Where iceoryx2 keeps its segments and its files.
+        let lonely = "mount -t tmpfs -o size=1g,mode=1777 tmpfs /dev/shm && mkdir -p /tmp/iceoryx2 && mount -t tmpfs tmpfs /tmp/iceoryx2 \
+                      && ip link set lo up && echo $$ && exec sleep 600";
         let clock = ["--time", &format!("--monotonic={ahead_s}"), &format!("--boottime={ahead_s}")].map(str::to_owned);
         let mut command = Command::new("unshare");
-        command.args(["--net", "--mount"]).args(&clock).args(["--fork", "--kill-child", "sh", "-c", &lonely]);
+        command.args(["--net", "--mount"]).args(&clock).args(["--fork", "--kill-child", "sh", "-c", lonely]);
         let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?;
         let mut holder = Running(child, "-KILL");
         let process = BufReader::new(holder.0.stdout.take()?).lines().next()?.ok()?;
