@@ -42,7 +42,7 @@ mod view;
 mod watch;
 mod wording;
 
-pub use answers::{as_json, as_text};
+pub use answers::{as_json, as_text, label, ranking};
 pub use serve::Configuration;
 pub use status::{StatusForm, status_report};
 

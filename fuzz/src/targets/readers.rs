@@ -2,9 +2,9 @@
 //! JSON, and recorded.
 
 use super::plain::{bytes_of, message};
-use beo::cli::{StatusForm, as_json, as_text, status_report};
-use beo::recording::Recorder;
-use beo_ipc::text::{from_field, to_field};
+use beo::cli::{StatusForm, as_json, as_text, label, ranking, status_report};
+use beo::recording::{Answer, Recorder};
+use beo_ipc::text::to_field;
 use beo_ipc::{ABI_VERSION, CompletionFrame, CompletionHeader, Gaps, InstanceName, ObservationHeader, Percept, Status, tasks};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,7 +28,9 @@ pub fn percept(data: &[u8]) {
         gaps.note(&percept);
         let (line, json) = (as_text(&percept, &None, &status, NOW_NS), as_json(&percept, &None, &status, NOW_NS));
         serde_json::from_str::<serde_json::Value>(&json).expect("JSON, whatever is in it");
-        recorder.percept(&percept, from_field(&percept.explanation).to_owned(), line, &json, NOW_NS).expect("nothing fails on a device");
+        let (label, ranking) = (label(&percept, &status), ranking(&percept, &status));
+        let answer = Answer { percept: &percept, label: &label, ranking: &ranking, line: &line, json: &json };
+        recorder.percept(&answer, NOW_NS).expect("nothing fails on a device");
     }
     recorder.finish().expect("nothing fails on a device");
 }
