@@ -53,7 +53,7 @@ pub struct Question {
     pose: Pose,
     yaw_span_rad: f64,
     seen_from_above: bool,
-    camera: Option<Vector3<f64>>,
+    camera_m: Option<Vector3<f64>>,
     scale: ScaleSearch,
     /// Edge of a voxel, metres, where it is known.
     pub voxel_size_m: Option<f64>,
@@ -91,27 +91,27 @@ impl Question {
                 return Err(invalid(format!("view is {other:?}: use \"top\", or leave it out; of a camera, say where it is by `camera`")));
             }
         };
-        let camera = asked.camera.map(|Three(camera)| Vector3::from(camera));
-        if camera.is_some_and(|camera| !camera.iter().all(|v| v.is_finite()) || camera.norm() == 0.0) {
+        if let Some(size) = asked.voxel_size_m.filter(|size| !((*size as f32).is_finite() && *size as f32 > 0.0)) {
+            return Err(invalid(format!("voxel_size_m is {size}: the edge of a voxel in metres, positive and finite")));
+        }
+        let camera_m = asked.camera.map(|Three(camera)| Vector3::from(camera) * asked.voxel_size_m.unwrap_or(1.0));
+        if camera_m.is_some_and(|camera| !camera.iter().all(|v| (*v as f32).is_finite()) || camera.iter().all(|v| *v as f32 == 0.0)) {
             return Err(invalid("camera: give its place in voxels from the grid's centre, three finite numbers that are not all 0"));
         }
-        if seen_from_above && camera.is_some() {
+        if seen_from_above && camera_m.is_some() {
             return Err(invalid("view \"top\" and `camera` contradict each other: leave one out"));
         }
         let scale = match asked.size.as_deref() {
             None | Some("known") => ScaleSearch::Known,
-            Some("search") if camera.is_some() => ScaleSearch::Search { side: None },
+            Some("search") if camera_m.is_some() => ScaleSearch::Search { side: None },
             Some("search") => {
                 return Err(invalid("size \"search\": size and place are searched in what a camera sees; say where it is by `camera`"));
             }
             Some(other) => return Err(invalid(format!("size is {other:?}: use \"known\" or \"search\""))),
         };
         let pose = pose.unwrap_or(Pose::Known);
-        if pose == Pose::Rest && camera.is_none() {
+        if pose == Pose::Rest && camera_m.is_none() {
             return Err(invalid("pose \"rest\" is searched in what a camera sees: say where it is by `camera`"));
-        }
-        if let Some(size) = asked.voxel_size_m.filter(|size| !(size.is_finite() && *size > 0.0)) {
-            return Err(invalid(format!("voxel_size_m is {size}: the edge of a voxel in metres, positive and finite")));
         }
         let question = Self {
             observation: observation(grid)?,
@@ -119,7 +119,7 @@ impl Question {
             pose,
             yaw_span_rad: asked.yaw_span_deg.to_radians(),
             seen_from_above,
-            camera,
+            camera_m,
             scale,
             voxel_size_m: asked.voxel_size_m,
             completion: asked.completion,
@@ -140,18 +140,15 @@ impl Question {
             return Err(invalid(format!("{name}: a CarvedGrid says it itself; leave it out")));
         }
         let place = carved.place;
-        // Lengths as a header carries them, in single precision: a model in this process then answers bit for bit as a daemon does.
-        let carried = |length: f64| f64::from(length as f32);
-        let voxel_size_m = carried(place.voxel_size_m);
         let question = Self {
             observation: carved.observation.clone(),
             carved: Some(place),
             pose: pose.unwrap_or(Pose::Rest),
             yaw_span_rad: asked.yaw_span_deg.to_radians(),
             seen_from_above: false,
-            camera: Some(Vector3::from(place.camera_position_m).map(|v| carried(v) / voxel_size_m)),
+            camera_m: Some(Vector3::from(place.camera_position_m)),
             scale: ScaleSearch::Search { side: None },
-            voxel_size_m: Some(voxel_size_m),
+            voxel_size_m: Some(place.voxel_size_m),
             completion: asked.completion,
             frame,
         };
@@ -167,6 +164,9 @@ impl Question {
 
     /// The query for a model in this process.
     pub fn query(&self) -> Query {
+        // Lengths as a header carries them, in single precision: a model in this process then answers as a daemon does.
+        let carried = |length: f64| f64::from(length as f32);
+        let voxel_size_m = self.voxel_size_m.map(carried);
         Query {
             pose: match self.pose {
                 Pose::Known => PoseSearch::Known,
@@ -176,11 +176,11 @@ impl Question {
             },
             lying: self.pose == Pose::Rest,
             view: self.seen_from_above.then_some(View::Top),
-            camera: self.camera,
-            outside: if self.camera.is_some() { Outside::Unknown } else { Outside::Empty },
+            camera: self.camera_m.map(|camera| camera.map(carried) / voxel_size_m.unwrap_or(1.0)),
+            outside: if self.camera_m.is_some() { Outside::Unknown } else { Outside::Empty },
             scale: self.scale,
             is_cut: self.carved.is_some_and(|place| place.cut != 0),
-            voxel_size_m: self.voxel_size_m,
+            voxel_size_m,
             completion: self.completion,
             frame: self.frame,
             ..Query::default()
@@ -215,10 +215,10 @@ impl Question {
         if self.seen_from_above {
             header.view = beo_ipc::View::TopDown.code();
         }
-        if let Some(camera) = self.camera {
+        if let Some(camera) = self.camera_m {
             header.view = beo_ipc::View::Camera.code();
             header.outside = beo_ipc::Outside::Unknown.code();
-            header.sensor_position_m = (camera * voxel).map(|v| v as f32).into();
+            header.sensor_position_m = camera.map(|v| v as f32).into();
         }
         if self.scale != ScaleSearch::Known {
             header.scale_search = beo_ipc::ScaleSearch::Search.code();
