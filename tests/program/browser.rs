@@ -4,39 +4,18 @@
 
 use crate::client::Client;
 use crate::harness::{PATIENCE, Running, beo, dims, instance, seen, serve};
+use crate::view::get;
 use base64::Engine as _;
 use beo_core::grid::Rotation;
 use beo_shapes::furniture;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::{Message, WebSocket};
 
 const SIZE: [u32; 2] = [1200, 800];
-
-/// What a server has at a path; it may leave the connection open.
-fn get(mut stream: TcpStream, address: &str) -> Vec<u8> {
-    let (host, path) = address.trim_start_matches("http://").split_once('/').unwrap();
-    stream.write_all(format!("GET /{path} HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes()).unwrap();
-    let mut lines = BufReader::new(stream);
-    let mut length = 0;
-    loop {
-        let mut line = String::new();
-        lines.read_line(&mut line).unwrap();
-        match line.trim_end().split_once(':') {
-            Some((name, value)) if name.eq_ignore_ascii_case("content-length") => length = value.trim().parse().unwrap(),
-            Some(_) => {}
-            None if line.trim_end().is_empty() => break,
-            None => {}
-        }
-    }
-    let mut body = vec![0; length];
-    lines.read_exact(&mut body).unwrap();
-    body
-}
 
 /// A page in a browser of its own.
 struct Page {
@@ -82,7 +61,7 @@ impl Page {
             stream
         };
         let path = loop {
-            let pages: Vec<Value> = serde_json::from_slice(&get(connect(), &format!("http://{tools}/json/list"))).unwrap_or_default();
+            let pages: Vec<Value> = serde_json::from_slice(&get(&tools, "/json/list")).unwrap_or_default();
             let page = pages.iter().find(|page| page["type"] == "page" && page["url"].as_str().is_some_and(|url| url.starts_with(address)));
             if let Some(page) = page {
                 break page["webSocketDebuggerUrl"].as_str().unwrap().to_owned();

@@ -11,7 +11,7 @@ use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpda
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
+use std::io::{BufRead as _, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::time::{SystemTime, UNIX_EPOCH};
 use tungstenite::client::IntoClientRequest;
@@ -30,6 +30,20 @@ fn view(name: &str, more: &[&str]) -> (Running, u16) {
 fn port_in(line: &str) -> u16 {
     let digits = line.split("127.0.0.1:").nth(1).map(|rest| rest.chars().take_while(char::is_ascii_digit).collect::<String>());
     digits.unwrap().parse().unwrap()
+}
+
+/// What a server has at a path; it may leave the connection open.
+pub fn get(server: &str, path: &str) -> Vec<u8> {
+    let mut stream = TcpStream::connect(server).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: {server}\r\n\r\n").as_bytes()).unwrap();
+    let mut answer = BufReader::new(stream);
+    let head: Vec<String> = answer.by_ref().lines().map(Result::unwrap).take_while(|line| !line.is_empty()).collect();
+    assert_eq!(head[0], "HTTP/1.1 200 OK");
+    let length = head.iter().filter_map(|line| line.split_once(':')).find(|(name, _)| name.eq_ignore_ascii_case("content-length"));
+    let mut body = vec![0; length.unwrap().1.trim().parse().unwrap()];
+    answer.read_exact(&mut body).unwrap();
+    body
 }
 
 /// A message of a channel: its topic, when it was logged, and its bytes.
@@ -288,15 +302,7 @@ fn the_page_for_browsers_leads_to_the_viewers_port() {
     let (view, port) = view(&name, &["--web", "0"]);
     let line = view.line();
     assert!(line.starts_with("in a browser: http://127.0.0.1:"), "{line}");
-    let get = |path: &str| {
-        let mut stream = TcpStream::connect(("127.0.0.1", port_in(&line))).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: there\r\n\r\n").as_bytes()).unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        assert!(answer.starts_with("HTTP/1.1 200 OK\r\n"), "{answer}");
-        answer.split_once("\r\n\r\n").unwrap().1.to_owned()
-    };
+    let get = |path: &str| text(&get(&format!("127.0.0.1:{}", port_in(&line)), path));
     assert!(get("/").contains("<script type=\"module\" src=\"main.js\">"));
     let server: Value = serde_json::from_str(&get("/server.json")).unwrap();
     assert_eq!(server["port"], port);

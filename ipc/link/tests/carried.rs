@@ -185,13 +185,18 @@ impl Clients {
     }
 }
 
+/// Both ends of a link from the daemon of an instance to another instance.
+fn linked(near: &InstanceName, far: &InstanceName) -> [Running; 2] {
+    let endpoint = format!("tcp/{}", free());
+    let near_end = Running::link(&["near", "--instance", near.as_str(), "--listen", &endpoint]);
+    [near_end, Running::link(&["far", "--instance", near.as_str(), "--as", far.as_str(), "--connect", &endpoint])]
+}
+
 #[test]
 fn ten_thousand_observations_come_back_as_they_went_with_their_numbers_and_stamps() {
-    let (near, far, address) = (name("near"), name("far"), free());
-    let endpoint = format!("tcp/{address}");
+    let (near, far) = (name("near"), name("far"));
     let daemon = Daemon::start(&near);
-    let mut near_end = Running::link(&["near", "--instance", near.as_str(), "--listen", &endpoint]);
-    let mut far_end = Running::link(&["far", "--instance", near.as_str(), "--as", far.as_str(), "--connect", &endpoint]);
+    let ends = linked(&near, &far);
     let clients = Clients::open(&far);
     let first = clients.until_answered();
     assert_eq!((first.daemon_id, first.producer_id, first.object_id), (daemon.id, clients.producer.id(), 5));
@@ -243,7 +248,7 @@ fn ten_thousand_observations_come_back_as_they_went_with_their_numbers_and_stamp
     assert!(completion.deviation().iter().all(|voxel| *voxel == 77) && completion.occupancy().len() == VOXELS);
     let status = clients.subscriber.status().unwrap().unwrap();
     assert_eq!((status.daemon_id, status.class_names().collect::<Vec<_>>()), (daemon.id, vec!["can", "mug"]));
-    for end in [&mut near_end, &mut far_end] {
+    for mut end in ends {
         assert!(end.end().is_some_and(|status| status.success()));
     }
 }
@@ -349,11 +354,9 @@ fn a_link_that_was_cut_and_a_daemon_that_was_restarted_are_as_they_were_before()
 
 #[test]
 fn a_call_for_another_model_is_answered_by_the_daemon_of_the_other_machine() {
-    let (near, far, address) = (name("near"), name("far"), free());
-    let endpoint = format!("tcp/{address}");
+    let (near, far) = (name("near"), name("far"));
     let daemon = Daemon::start(&near);
-    let mut near_end = Running::link(&["near", "--instance", near.as_str(), "--listen", &endpoint]);
-    let _far_end = Running::link(&["far", "--instance", near.as_str(), "--as", far.as_str(), "--connect", &endpoint]);
+    let [mut near_end, _far_end] = linked(&near, &far);
     let clients = Clients::open(&far);
     clients.until_answered();
     let ask = |model: Option<&str>| request_reload(&far, model.map(Path::new), PATIENCE);

@@ -510,10 +510,10 @@ mod tests {
         let message = load(&path).unwrap_err().to_string();
         assert!(message.contains(&format!("its tensors have {total} bytes, of which {} are there", total - 5)), "{message}");
         // A header that reaches to the very end is one without tensors; one that reaches beyond is none.
-        for (claimed, words) in [(good.len() as u64 - 8, "damaged"), (good.len() as u64 - 7, "says that it has")] {
+        for (claimed, is_beyond) in [(good.len() as u64 - 8, false), (good.len() as u64 - 7, true)] {
             std::fs::write(&path, [&claimed.to_le_bytes(), &good[8..]].concat()).unwrap();
             let message = load(&path).unwrap_err().to_string();
-            assert_eq!(message.contains("says that it has"), words == "says that it has", "{message}");
+            assert_eq!(message.contains("says that it has"), is_beyond, "{message}");
         }
     }
 
