@@ -26,7 +26,8 @@ const FEATURES: [usize; 2] = [64, 36];
 const FEW_COMPONENTS: usize = 12;
 /// Views from which the features are learned.
 const FEATURE_VIEWS: (usize, usize) = (300, 2000);
-/// Views per component, elevation and step of yaw: about one per shape, within the bounds; half as many for the calibration.
+/// Views per component, elevation and step of yaw: about one per shape, within the bounds. The calibration's densities have as many: of fewer
+/// they would be less exact than those that it is for, and the deviations too wide.
 const VIEW_BOUNDS: [(usize, usize); 2] = [(50, 90), (32, 40)];
 /// As many times as many of what looks the same from all sides, for all steps of yaw at once.
 const ROUND_VIEWS: usize = 3;
@@ -48,7 +49,7 @@ pub fn camera_densities(classes: &[ClassShapes<'_>], left_out: &LeftOut<'_>, vie
     let parts = parts(classes, views.lying);
     let features = feature_basis(&parts, views)?;
     let is_kept = |class: usize, shape: usize| !left_out.held[class].contains(&shape);
-    let densities = fit(&parts, views, &features, 2, &is_kept)?;
+    let densities = fit(&parts, views, &features, &is_kept)?;
     let m = classes.len();
     let measured = Measured::draw(&parts, m, &is_kept, views, 0);
     let held = Measured::draw(&parts, m, &|class, shape| !is_kept(class, shape), views, 1 << 40);
@@ -57,7 +58,7 @@ pub fn camera_densities(classes: &[ClassShapes<'_>], left_out: &LeftOut<'_>, vie
     let densities = CameraDensities { forest: Some(forest), ..densities };
     let calibration = CameraCalibration { none: Some(none), ..calibrate(densities, &parts, left_out, m, views)? };
     let forest = Some(measured.with(&held).forest(m, views.seed));
-    Ok(Learned { densities: CameraDensities { forest, ..fit(&parts, views, &features, 1, &|_, _| true)? }, calibration })
+    Ok(Learned { densities: CameraDensities { forest, ..fit(&parts, views, &features, &|_, _| true)? }, calibration })
 }
 
 /// B and the mean variance along its columns.
@@ -110,12 +111,11 @@ fn feature_basis(parts: &[ComponentShapes], views: &Views<'_>) -> Result<Feature
     Ok(Features { basis: components.rows(), size, variance: components.variance })
 }
 
-/// Densities from one in `share` of the views, of the shapes that `is_kept` (class, shape).
+/// Densities from views of the shapes that `is_kept` (class, shape).
 fn fit(
     parts: &[ComponentShapes],
     views: &Views<'_>,
     features: &Features,
-    share: usize,
     is_kept: &(dyn Fn(usize, usize) -> bool + Sync),
 ) -> Result<CameraDensities, LinearError> {
     let size = features.size;
@@ -142,7 +142,7 @@ fn fit(
                     return None;
                 }
                 let shapes: Vec<_> = part.shapes.iter().filter(|shape| is_kept(part.component.class, shape.shape)).collect();
-                let count = shapes.len().clamp(bounds.0, bounds.1) / share * if round { ROUND_VIEWS } else { 1 };
+                let count = shapes.len().clamp(bounds.0, bounds.1) * if round { ROUND_VIEWS } else { 1 };
                 let mut rng = stream(views.seed, s as u64, ((e * YAWS + step) as u64 + 1) << 8);
                 let (mut rows, mut offsets) = (Vec::new(), Vec::new());
                 let first = rng.random_range(0..shapes.len().max(1));
