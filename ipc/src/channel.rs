@@ -20,12 +20,13 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 use crate::InstanceName;
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::layout::Layout;
-use crate::messages::{ABI_VERSION, CompletionHeader, Hypothesis, ObservationHeader, Percept, Status};
+use crate::messages::{ABI_VERSION, CompletionHeader, Hypothesis, ObservationHeader, Percept, PictureHeader, Status};
 use crate::node::{Ipc, service_name};
 
 pub(crate) type ObservationService = publish_subscribe::PortFactory<Ipc, [u8], ObservationHeader>;
 pub(crate) type PerceptService = publish_subscribe::PortFactory<Ipc, Percept, ()>;
 pub(crate) type CompletionService = publish_subscribe::PortFactory<Ipc, [u8], CompletionHeader>;
+pub(crate) type PictureService = publish_subscribe::PortFactory<Ipc, [u8], PictureHeader>;
 pub(crate) type StatusService = publish_subscribe::PortFactory<Ipc, Status, ()>;
 
 /// The service attribute that carries the layout hash, 16 hexadecimal digits.
@@ -249,6 +250,7 @@ channel!(
 );
 channel!(create_percept, open_percept, percept, Percept, (), PerceptService, percept_layout_text());
 channel!(create_completion, open_completion, completion, [u8], CompletionHeader, CompletionService, layout_text::<CompletionHeader>());
+channel!(create_picture, open_picture, picture, [u8], PictureHeader, PictureService, layout_text::<PictureHeader>());
 channel!(create_status, open_status, status, Status, (), StatusService, layout_text::<Status>());
 
 /// Creates an event service, or opens the one that clients kept.
@@ -443,8 +445,12 @@ pub(crate) fn daemon_seems_dead(service: &PerceptService) -> bool {
 
 /// Whether the services of an instance exist: cheaper than trying to open them.
 pub(crate) fn exists(instance: &InstanceName) -> Result<bool, OpenError> {
-    let name = instance.percept();
-    Ipc::does_exist(&service_name(&name)?, &crate::node::config(), MessagingPattern::PublishSubscribe).map_err(|error| failed(&name, error))
+    service_exists(&instance.percept())
+}
+
+/// Whether there is a service of this name.
+pub(crate) fn service_exists(name: &str) -> Result<bool, OpenError> {
+    Ipc::does_exist(&service_name(name)?, &crate::node::config(), MessagingPattern::PublishSubscribe).map_err(|error| failed(name, error))
 }
 
 pub(crate) fn loan_error(error: iceoryx2::port::LoanError, asked: usize, possible: usize) -> LoanError {

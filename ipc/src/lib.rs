@@ -2,6 +2,7 @@
 //!
 //! - [`Producer`]: the camera's end; [`Subscriber`]: the end of whoever wants to know; [`Server`]: the daemon's ends; [`ObservationReader`]:
 //!   reads observations beside it, for recorders
+//! - [`PictureSender`], [`PictureReader`]: pictures of frames for people, which are drawn only while somebody looks
 //! - [`reconnect`]: the same two clients' ends, outliving the daemon
 //! - [`relay`]: messages as bytes and stamps of another machine's clock, for relays between machines
 //! - [`control`]: small calls to the daemon, each with an answer
@@ -34,6 +35,7 @@ pub mod node;
 mod observation_reader;
 mod orphans;
 mod peers;
+mod picture;
 mod producer;
 mod quaternion;
 pub mod reconnect;
@@ -52,10 +54,11 @@ pub use control::{ReloadCall, ReloadError, request_reload};
 pub use error::{LoanError, OpenError, ReceiveError, ReconnectError, SendError, WaitError};
 pub use gaps::Gaps;
 pub use messages::{
-    ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, Status,
+    ABI_VERSION, CompletionHeader, Hypothesis, NO_CLASS, NO_RESTING_POSE, NOT_COMPUTED, ObservationHeader, Percept, PictureHeader, Status,
 };
 pub use names::{InstanceName, InstanceNameError};
 pub use observation_reader::ObservationReader;
+pub use picture::{Picture, PictureReader, PictureSender};
 pub use producer::{Loan, Producer, Sent};
 pub use reconnect::{ReconnectingProducer, ReconnectingSubscriber, Waited};
 pub use server::{CompletionLoan, Observation, Server, ServerOptions};

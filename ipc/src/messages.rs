@@ -464,6 +464,55 @@ impl Default for CompletionHeader {
     }
 }
 
+/// Travels with a picture of a frame, drawn for people, before its pixels: three bytes each (red, green, blue), row by row from the top left.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("beo.v2.PictureHeader")]
+pub struct PictureHeader {
+    /// [`ABI_VERSION`].
+    pub abi_version: u32,
+    /// Pixels of a row.
+    pub width: u32,
+    /// Who drew it; that of the observations of the same frame.
+    pub producer_id: u64,
+    /// When the sensor data was taken; that of the observations of the same frame.
+    pub capture_ns: u64,
+    /// The producer's own stamp, passed through.
+    pub sensor_stamp_ns: u64,
+    /// Name of the camera's frame, UTF-8, padded with NUL.
+    pub frame_id: [u8; 32],
+    /// Rows.
+    pub height: u32,
+    /// 0.
+    pub reserved: [u8; 60],
+}
+layout!(PictureHeader: 128, reserved from 68 {
+    abi_version @ 0, width @ 4, producer_id @ 8, capture_ns @ 16, sensor_stamp_ns @ 24, frame_id @ 32, height @ 64, reserved @ 68,
+});
+
+impl PictureHeader {
+    /// The bytes of its pixels, as far as memory reaches.
+    pub fn bytes(&self) -> usize {
+        3_usize.saturating_mul(self.width as usize).saturating_mul(self.height as usize)
+    }
+}
+
+impl Default for PictureHeader {
+    /// A picture without pixels, of nobody.
+    fn default() -> Self {
+        Self {
+            abi_version: ABI_VERSION,
+            width: 0,
+            producer_id: 0,
+            capture_ns: 0,
+            sensor_stamp_ns: 0,
+            frame_id: [0; NAME_LEN],
+            height: 0,
+            reserved: [0; 60],
+        }
+    }
+}
+
 /// The daemon's heartbeat: who it is, what model it serves, how it does.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
@@ -600,10 +649,11 @@ mod tests {
             Percept::LAYOUT_HASH,
             CompletionHeader::LAYOUT_HASH,
             Status::LAYOUT_HASH,
+            PictureHeader::LAYOUT_HASH,
         ];
         assert_eq!(
             hashes.map(|hash| format!("{hash:016x}")),
-            ["74fdf0008c04dc9d", "fec395a92f4fab4f", "4ba7458eb99f2dd2", "67df1109af4ea55e", "fa9d4a7a2012470a",]
+            ["74fdf0008c04dc9d", "fec395a92f4fab4f", "4ba7458eb99f2dd2", "67df1109af4ea55e", "fa9d4a7a2012470a", "cd197c7adeb14c58"]
         );
     }
 

@@ -86,6 +86,11 @@ impl InstanceName {
         self.service("control")
     }
 
+    /// Name of the service of pictures.
+    pub fn picture(&self) -> String {
+        self.service("picture")
+    }
+
     fn service(&self, channel: &str) -> String {
         format!("beo/{}/{channel}", self.0)
     }
@@ -125,6 +130,7 @@ mod tests {
         assert_eq!(instance.observed(), "beo/default/observed");
         assert_eq!(instance.perceived(), "beo/default/perceived");
         assert_eq!(instance.control(), "beo/default/control");
+        assert_eq!(instance.picture(), "beo/default/picture");
     }
 
     #[test]

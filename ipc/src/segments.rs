@@ -4,14 +4,14 @@
 //! in. Both are looked up once for each sender.
 
 use std::collections::VecDeque;
+use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use iceoryx2::prelude::{CallbackProgression, PortFactory as _};
+use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ZeroCopySend};
 use iceoryx2::sample::Sample;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::channel::ObservationService;
-use crate::messages::ObservationHeader;
 use crate::node::Ipc;
 
 /// Senders that are remembered: several times as many as can be there at a time.
@@ -31,8 +31,11 @@ struct Segment {
 }
 
 impl Segments {
-    /// Bytes of an observation that its sender can have written; `None` if it lies outside of all that is mapped.
-    pub fn bytes(&self, service: &ObservationService, sample: &Sample<Ipc, [u8], ObservationHeader>) -> Option<usize> {
+    /// Bytes of a sample that its sender can have written; `None` if it lies outside of all that is mapped.
+    pub fn bytes<Header>(&self, service: &PortFactory<Ipc, [u8], Header>, sample: &Sample<Ipc, [u8], Header>) -> Option<usize>
+    where
+        Header: Debug + ZeroCopySend,
+    {
         let (header, payload) = (std::ptr::from_ref(sample.header()).addr(), sample.payload().as_ptr().addr());
         let sender = sample.origin().value();
         let find = |mapped: Range<usize>| {

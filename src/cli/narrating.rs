@@ -6,7 +6,7 @@ use super::{StatusForm, status_report};
 use crate::recording::{Answer, Narrator, Sink};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::from_field;
-use beo_ipc::{InstanceName, Status, Subscriber};
+use beo_ipc::{InstanceName, OpenError, PictureReader, Status, Subscriber};
 use std::time::{Duration, Instant};
 
 /// Time between two tellings of the daemon's health.
@@ -17,6 +17,8 @@ pub struct Narrating<'a> {
     instance: &'a InstanceName,
     subscriber: Subscriber,
     status: Status,
+    /// The pictures of cameras, while they are wanted.
+    pictures: Option<PictureReader>,
     /// When the daemon's health was told last.
     told: Option<Instant>,
     /// Percepts that were missed, as far as it was said.
@@ -32,7 +34,7 @@ impl<'a> Narrating<'a> {
         narrator: &mut Narrator<S>,
     ) -> Result<Self, Failure> {
         narrator.say(&served(&status), monotonic_ns())?;
-        Ok(Self { instance, subscriber, status, told: None, missed: 0 })
+        Ok(Self { instance, subscriber, status, pictures: None, told: None, missed: 0 })
     }
 
     /// Waits for something to tell.
@@ -64,6 +66,30 @@ impl<'a> Narrating<'a> {
         Ok(true)
     }
 
+    /// Tells the newest pictures of the cameras. Cameras draw only where somebody looks, and that is from now on, if the narrator wants pictures.
+    pub fn pictures<S: Sink<Error: 'static>>(&mut self, narrator: &mut Narrator<S>) -> Result<(), Failure> {
+        if !narrator.wants_pictures() {
+            self.pictures = None;
+            return Ok(());
+        }
+        if self.pictures.is_none() {
+            match PictureReader::open(self.instance) {
+                Ok(reader) => self.pictures = Some(reader),
+                // Others look; one of them may leave.
+                Err(OpenError::Full { .. }) => return Ok(()),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let Some(reader) = &self.pictures else { return Ok(()) };
+        while let Some(picture) = reader.take()? {
+            // One that is broken is passed over: the next will come.
+            if let Ok(pixels) = picture.pixels() {
+                narrator.picture(picture.header(), pixels, monotonic_ns())?;
+            }
+        }
+        Ok(())
+    }
+
     /// Housekeeping, as often as you like: tells once a second how the daemon does, and what was missed.
     pub fn maintain<S: Sink<Error: 'static>>(&mut self, narrator: &mut Narrator<S>) -> Result<(), Failure> {
         if self.told.is_some_and(|told| told.elapsed() < HEALTH) {
@@ -71,6 +97,7 @@ impl<'a> Narrating<'a> {
         }
         self.told = Some(Instant::now());
         self.subscriber.maintain();
+        self.pictures.iter().for_each(PictureReader::maintain);
         self.refresh(narrator)?;
         let now_ns = monotonic_ns();
         narrator.status(&status_report(self.instance, &self.status, StatusForm::Json, now_ns), now_ns)?;

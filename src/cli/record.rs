@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 ///
 /// Topics: /beo/observation (point cloud of what was seen), /beo/completion (its surface, more transparent where unsure) and
 /// /beo/completion_points (its filled voxels, as Rerun draws no surfaces), /beo/object (class, pose hypotheses, box),
-/// /beo/classes (their probabilities as bars), /beo/pose, /tf, /beo/log, /beo/percept (JSON as `beo watch --json` prints it), and /beo/status (JSON
-/// as `beo status --json` prints it, once a second). Until it ends, the recording is
+/// /beo/classes (their probabilities as bars), /beo/pose, /tf, /beo/log, /beo/percept (JSON as `beo watch --json` prints it), /beo/status (JSON
+/// as `beo status --json` prints it, once a second), and /beo/picture (depth images of `beo camera` with the objects found). Until it ends, the recording is
 /// in OUT.mcap.partial. Ctrl-C ends it properly, and it takes its name; of a recorder that is killed, all but the last second can be recovered
 /// from the partial file (`mcap recover`), which no other recording overwrites.
 #[derive(Args)]
@@ -89,6 +89,7 @@ impl Record {
             while !is_done(&recorder) && narrating.answer(&mut recorder, observations.is_none())? {
                 take_observations(observations.as_ref(), &mut recorder)?;
             }
+            narrating.pictures(&mut recorder)?;
             narrating.maintain(&mut recorder)?;
             if flushed.elapsed() > FLUSH {
                 observations.iter().for_each(ObservationReader::maintain);

@@ -10,8 +10,8 @@ use beo_ipc::{Hypothesis, Percept};
 use beo_picture::{Colour, MOST_UNSURE};
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
-    ArrowPrimitive, Color, CubePrimitive, FrameTransform, LinePrimitive, PackedElementField, Point3, PointCloud, Pose, PoseInFrame,
-    Quaternion, SceneEntity, SceneUpdate, TextPrimitive, TriangleListPrimitive, Vector3, line_primitive,
+    ArrowPrimitive, Color, CompressedImage, CubePrimitive, FrameTransform, LinePrimitive, PackedElementField, Point3, PointCloud, Pose,
+    PoseInFrame, Quaternion, SceneEntity, SceneUpdate, TextPrimitive, TriangleListPrimitive, Vector3, line_primitive,
 };
 use nalgebra as na;
 use std::time::Duration;
@@ -136,6 +136,16 @@ pub fn completion(about: &About, surface: &Surface) -> SceneUpdate {
         ..TriangleListPrimitive::default()
     };
     SceneUpdate { entities: vec![SceneEntity { triangles: vec![triangles], ..about.entity("completion") }], ..SceneUpdate::default() }
+}
+
+/// A picture as PNG, under the frame that its camera names.
+pub fn image(about: &About, png: Vec<u8>) -> CompressedImage {
+    CompressedImage {
+        timestamp: Some(about.clock.timestamp(about.capture_ns)),
+        frame_id: about.frame.clone(),
+        data: png.into(),
+        format: "png".into(),
+    }
 }
 
 /// The most probable pose, from object axes to the frame: of the class that was answered, where a hypothesis is of it.

@@ -1,12 +1,13 @@
 //! Which message goes where: of observations, completions, answers and the daemon's status.
 
 use super::Clock;
-use super::messages::{About, classes, completed_points, completion, frame_of, object, observed_points, pose_in_frame, transform};
+use super::messages::{About, classes, completed_points, completion, frame_of, image, object, observed_points, pose_in_frame, transform};
 use super::producers::Producers;
 use super::topics::{EncodeError, Sink, Times, Topic};
 use crate::export::{GridPlacement, surface_of};
 use beo_core::grid::{Dims, Observation, from_xyzw};
-use beo_ipc::{CompletionFrame, CompletionHeader, ObservationHeader, Percept, PerceptStatus};
+use beo_ipc::{CompletionFrame, CompletionHeader, ObservationHeader, Percept, PerceptStatus, PictureHeader};
+use beo_picture::Image;
 use foxglove::Encode;
 use foxglove::messages::{Log, log};
 use std::time::Duration;
@@ -139,6 +140,25 @@ impl<S: Sink> Narrator<S> {
         Ok(())
     }
 
+    /// A picture of a frame; one without pixels is left out.
+    ///
+    /// # Errors
+    /// The sink's.
+    pub fn picture(&mut self, header: &PictureHeader, pixels: &[u8], now_ns: u64) -> Result<(), S::Error> {
+        if !self.sink.wants(Topic::Picture) {
+            return Ok(());
+        }
+        let drawn = Image::of_rgb(header.width as usize, header.height as usize, pixels);
+        let Some(png) = drawn.and_then(|image| image.png().ok()) else { return Ok(()) };
+        let about = self.about(header.producer_id, 0, &header.frame_id, header.capture_ns);
+        self.write(Topic::Picture, self.times(&about, now_ns), || image(&about, png))
+    }
+
+    /// Whether anybody gets pictures.
+    pub fn wants_pictures(&self) -> bool {
+        self.sink.wants(Topic::Picture)
+    }
+
     /// The daemon's status as JSON.
     ///
     /// # Errors
@@ -212,7 +232,7 @@ mod tests {
     use super::*;
     use beo_ipc::Hypothesis;
     use foxglove::Decode;
-    use foxglove::messages::{PointCloud, SceneUpdate};
+    use foxglove::messages::{CompressedImage, PointCloud, SceneUpdate};
 
     /// Keeps the messages of the topics that it wants.
     struct Kept {
@@ -261,6 +281,9 @@ mod tests {
             narrator.percept(&answer, 5).unwrap();
             narrator.completion(&header, &[255; 512], &[0; 512], true, 5).unwrap();
             narrator.status("{}", 5).unwrap();
+            let picture = PictureHeader { width: 2, height: 1, ..PictureHeader::default() };
+            assert_eq!(narrator.wants_pictures(), wanted == Topic::Picture);
+            narrator.picture(&picture, &[0, 1, 2, 253, 254, 255], 5).unwrap();
             assert_eq!(narrator.told(), Told { observations: 1, completions: 1, percepts: 1 });
             let messages = narrator.into_sink().messages;
             assert_eq!(messages.iter().map(|(topic, _)| *topic).collect::<Vec<_>>(), [wanted]);
@@ -284,6 +307,29 @@ mod tests {
         assert_eq!(entity.texts.iter().map(|text| &*text.text).collect::<Vec<_>>(), ["mug 75 %", "can 25 %"]);
         let heights: Vec<f64> = entity.cubes.iter().map(|cube| cube.pose.unwrap().position.unwrap().z).collect();
         assert!(heights[0] > heights[1], "the most probable is at the top");
+    }
+
+    #[test]
+    fn a_picture_is_told_as_png_with_the_time_of_its_capture_and_what_is_none_is_left_out() {
+        let mut narrator = Kept::narrator(&[Topic::Picture], None);
+        let pixels = [0, 1, 2, 253, 254, 255];
+        let frame_id = beo_ipc::text::to_field("wrist");
+        let header = PictureHeader { width: 2, height: 1, frame_id, capture_ns: 5_000_000_000, ..PictureHeader::default() };
+        narrator.picture(&header, &pixels, 6_000_000_000).unwrap();
+        for (width, height) in [(0, 0), (1, 1), (3, 1), (u32::MAX, u32::MAX)] {
+            narrator.picture(&PictureHeader { width, height, ..header }, &pixels, 6).unwrap();
+        }
+        let expected_ns = narrator.clock.day_ns(header.capture_ns);
+        let messages = narrator.into_sink().messages;
+        let [(Topic::Picture, bytes)] = &messages[..] else { panic!("one picture") };
+        let image = CompressedImage::decode(&bytes[..]).unwrap();
+        let stamp = image.timestamp.unwrap();
+        assert_eq!(u64::from(stamp.sec()) * 1_000_000_000 + u64::from(stamp.nsec()), expected_ns);
+        assert_eq!((&*image.frame_id, &*image.format), ("wrist", "png"));
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&image.data[..])).read_info().unwrap();
+        let mut decoded = [0; 6];
+        reader.next_frame(&mut decoded).unwrap();
+        assert_eq!((reader.info().size(), decoded), ((2, 1), pixels));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The topics of recordings and of the live view, and where their messages go.
 
-use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
+use foxglove::messages::{CompressedImage, FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
 use foxglove::{Encode, Schema};
 
 /// A topic: its messages are of one schema.
@@ -26,6 +26,8 @@ pub enum Topic {
     Classes,
     /// The daemon's health and latencies.
     Status,
+    /// The depth image of a frame with the objects that were found in it.
+    Picture,
 }
 
 /// The JSON schema of a percept, as far as it is the same in every release.
@@ -36,7 +38,7 @@ const STATUS_SCHEMA: &str = r#"{"title":"beo.Status","type":"object","properties
 
 impl Topic {
     /// All topics; each is at the place of its number.
-    pub const ALL: [Topic; 10] = [
+    pub const ALL: [Topic; 11] = [
         Topic::Observation,
         Topic::Completion,
         Topic::Object,
@@ -47,6 +49,7 @@ impl Topic {
         Topic::CompletionPoints,
         Topic::Classes,
         Topic::Status,
+        Topic::Picture,
     ];
 
     /// Its name.
@@ -62,6 +65,7 @@ impl Topic {
             Topic::CompletionPoints => "/beo/completion_points",
             Topic::Classes => "/beo/classes",
             Topic::Status => "/beo/status",
+            Topic::Picture => "/beo/picture",
         }
     }
 
@@ -82,6 +86,7 @@ impl Topic {
             Topic::Pose => PoseInFrame::get_schema(),
             Topic::Transform => FrameTransform::get_schema(),
             Topic::Log => Log::get_schema(),
+            Topic::Picture => CompressedImage::get_schema(),
             Topic::Percept => json("beo.Percept", PERCEPT_SCHEMA),
             Topic::Status => json("beo.Status", STATUS_SCHEMA),
         }

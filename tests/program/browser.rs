@@ -2,6 +2,7 @@
 //!
 //! Left out, with a line, where there is no Chromium: `$BEO_CHROMIUM`, or `chromium` or `google-chrome` on the PATH.
 
+use crate::camera::{self, scene};
 use crate::client::Client;
 use crate::harness::{PATIENCE, Running, beo, dims, instance, seen, serve};
 use crate::view::get;
@@ -87,11 +88,15 @@ impl Page {
         }
     }
 
+    /// The value of an expression.
+    fn value(&mut self, expression: &str) -> Value {
+        self.call("Runtime.evaluate", json!({ "expression": expression }))["result"]["value"].clone()
+    }
+
     /// The text of an element.
     fn text(&mut self, id: &str) -> String {
-        let expression = format!("document.getElementById({id:?})?.textContent ?? ''");
-        let result = self.call("Runtime.evaluate", json!({ "expression": expression }));
-        result["result"]["value"].as_str().unwrap_or_default().to_owned()
+        let text = self.value(&format!("document.getElementById({id:?})?.textContent ?? ''"));
+        text.as_str().unwrap_or_default().to_owned()
     }
 
     /// A picture: width, height, and RGB of each pixel.
@@ -146,6 +151,18 @@ fn the_page_shows_live_what_is_perceived() {
     }
     assert_eq!(page.text("instance"), name);
     assert!(page.text("lines").contains(&class));
+    // The camera's picture: that of its frame, and what its colours mean beside it.
+    let folder = tempfile::tempdir().unwrap();
+    scene(folder.path());
+    let _camera = Running::start(beo(["camera", folder.path().to_str().unwrap(), "--instance", &name, "--loop", "--rate", "5"]));
+    let is_hidden = "document.getElementById('camera').hidden";
+    while page.value(is_hidden) != false {
+        assert!(start.elapsed() < PATIENCE, "the page shows no picture");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let side = |name: &str| format!("document.getElementById('picture').{name}");
+    let sides = ["width", "height"].map(|name| page.value(&side(name)).as_u64().unwrap() as u32);
+    assert!((0..2).all(|axis| sides[axis] > camera::SIZE[axis]), "{sides:?}");
     // Something is drawn in the scene: shaded, so of many colours, where an empty one has those of its ground and lines.
     loop {
         let (width, height, pixels) = page.picture();

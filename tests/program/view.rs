@@ -1,5 +1,6 @@
 //! `beo view`: what viewers get over WebSockets, by a client of the protocol that shares nothing with the server but the WebSocket itself.
 
+use crate::camera::scene;
 use crate::client::{Client, block};
 use crate::harness::{PATIENCE, Running, beo, dims, instance, run, seen, serve, text};
 use beo::recording::Topic;
@@ -7,7 +8,7 @@ use beo_core::grid::Rotation;
 use beo_ipc::PoseSearch;
 use beo_shapes::furniture;
 use foxglove::Decode;
-use foxglove::messages::{FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
+use foxglove::messages::{CompressedImage, FrameTransform, Log, PointCloud, PoseInFrame, SceneUpdate};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -218,6 +219,45 @@ fn viewers_get_every_answer_with_its_class_and_the_time_of_its_capture() {
     }
 }
 
+/// The camera draws for the viewer as for `--png`: the same picture, but for the objects' captions and all that a frame's number changes.
+#[test]
+fn viewers_get_the_pictures_of_a_camera_while_they_look() {
+    let (name, folder) = (instance(), tempfile::tempdir().unwrap());
+    let (frames, drawn) = (folder.path().join("frames"), folder.path().join("drawn"));
+    std::fs::create_dir_all(&frames).unwrap();
+    scene(&frames);
+    let _daemon = serve(&name);
+    let (_view, port) = view(&name, &[]);
+    let mut viewer = Viewer::connect(port);
+    viewer.subscribe();
+    let arguments = ["camera", frames.to_str().unwrap(), "--instance", &name, "--frame-id", "wrist", "--loop", "--rate", "20"];
+    let mut camera = Running::start(beo(arguments.into_iter().chain(["--png", drawn.to_str().unwrap()])));
+    // The camera looks for viewers four times a second.
+    let [first, second] = [(); 2].map(|()| {
+        loop {
+            let message = viewer.next().expect("a picture");
+            if message.topic == "/beo/picture" {
+                break CompressedImage::decode(&message.data[..]).unwrap();
+            }
+        }
+    });
+    assert_eq!((&*first.frame_id, &*first.format), ("wrist", "png"));
+    let [earlier, later] = [&first, &second].map(|image| image.timestamp.map(|stamp| (stamp.sec(), stamp.nsec())).unwrap());
+    assert!(earlier < later);
+    camera.signal(Signal::INT);
+    assert!(camera.wait().success());
+    let file = std::fs::read_dir(&drawn).unwrap().next().unwrap().unwrap().path();
+    assert_eq!(decoded(&first.data), decoded(&std::fs::read(file).unwrap()));
+}
+
+/// Size and pixels.
+fn decoded(png: &[u8]) -> ((u32, u32), Vec<u8>) {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    (reader.info().size(), pixels)
+}
+
 #[test]
 fn a_viewer_that_never_reads_delays_neither_the_others_nor_the_end() {
     let name = instance();
@@ -322,6 +362,7 @@ fn the_layout_shows_topics_that_there_are() {
             panels[plot]["paths"].as_array().unwrap().iter().map(|path| path["value"].as_str().unwrap().split('.').next().unwrap()),
         );
     }
+    topics.push(panels["Image!picture"]["imageMode"]["imageTopic"].as_str().unwrap());
     topics.push(panels["RosOut!log"]["topicToRender"].as_str().unwrap());
     topics.push(panels["RawMessages!percept"]["topicPath"].as_str().unwrap());
     for topic in topics {

@@ -181,6 +181,18 @@ impl Image {
         Self { width, height, pixels: vec![Colour::PAPER.rgb; width * height] }
     }
 
+    /// A picture of these pixels, three bytes each, row by row from the top left; `None` if they are not as many.
+    pub fn of_rgb(width: usize, height: usize, rgb: &[u8]) -> Option<Self> {
+        let (pixels, rest) = rgb.as_chunks::<3>();
+        let is_whole = rest.is_empty() && width.checked_mul(height) == Some(pixels.len());
+        is_whole.then(|| Self { width, height, pixels: pixels.to_vec() })
+    }
+
+    /// The pixels, three bytes each (red, green, blue), row by row from the top left.
+    pub fn rgb(&self) -> &[u8] {
+        self.pixels.as_flattened()
+    }
+
     /// Width in pixels.
     pub fn width(&self) -> usize {
         self.width
@@ -267,17 +279,24 @@ impl Image {
         turned
     }
 
-    /// Writes the picture as PNG; the file appears under its name only when it is whole.
-    pub fn save(&self, path: &Path) -> Result<(), SaveError> {
+    /// The picture as PNG.
+    ///
+    /// # Errors
+    /// The encoder's, for a picture without pixels.
+    pub fn png(&self) -> Result<Vec<u8>, png::EncodingError> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
-        let written = encoder.write_header().and_then(|mut writer| {
-            writer.write_image_data(self.pixels.as_flattened())?;
-            writer.finish()
-        });
-        written.map_err(|source| SaveError::Encode { path: path.into(), source })?;
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(self.rgb())?;
+        writer.finish()?;
+        Ok(bytes)
+    }
+
+    /// Writes the picture as PNG; the file appears under its name only when it is whole.
+    pub fn save(&self, path: &Path) -> Result<(), SaveError> {
+        let bytes = self.png().map_err(|source| SaveError::Encode { path: path.into(), source })?;
         write_whole(path, &bytes).map_err(|source| SaveError::File { path: path.into(), source })
     }
 }

@@ -52,6 +52,12 @@ pub const TARGETS: [Target; 25] = [
         seeds: readers::completion_seeds,
         most_bytes: readers::most_bytes_of_completion,
     },
+    Target {
+        name: "picture",
+        run: readers::picture,
+        seeds: readers::picture_seeds,
+        most_bytes: readers::most_bytes_of_picture,
+    },
     Target { name: "status", run: readers::status, seeds: readers::status_seeds, most_bytes: readers::most_bytes_of_status },
     Target { name: "reload", run: reload::run, seeds: reload::seeds, most_bytes: reload::most_bytes },
     Target { name: "link", run: link::run, seeds: link::seeds, most_bytes: link::most_bytes },

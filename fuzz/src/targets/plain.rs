@@ -3,7 +3,7 @@
 #![allow(unsafe_code)] // any bytes are a message
 
 use beo_ipc::control::ReloadRequest;
-use beo_ipc::{CompletionHeader, ObservationHeader, Percept, Status};
+use beo_ipc::{CompletionHeader, ObservationHeader, Percept, PictureHeader, Status};
 
 /// A message: plain numbers and arrays of them, without padding, for which any bits are a value.
 ///
@@ -18,6 +18,8 @@ unsafe impl Plain for Percept {}
 unsafe impl Plain for CompletionHeader {}
 // SAFETY: as above.
 unsafe impl Plain for Status {}
+// SAFETY: as above.
+unsafe impl Plain for PictureHeader {}
 // SAFETY: as above.
 unsafe impl Plain for ReloadRequest {}
 

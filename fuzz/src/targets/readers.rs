@@ -5,7 +5,7 @@ use super::plain::{bytes_of, message};
 use beo::cli::{StatusForm, as_json, as_text, label, ranking, status_report};
 use beo::recording::{Answer, Recorder};
 use beo_ipc::text::to_field;
-use beo_ipc::{ABI_VERSION, CompletionFrame, CompletionHeader, Gaps, InstanceName, ObservationHeader, Percept, Status, tasks};
+use beo_ipc::{ABI_VERSION, CompletionFrame, CompletionHeader, Gaps, InstanceName, ObservationHeader, Percept, PictureHeader, Status, tasks};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -62,6 +62,19 @@ pub fn completion(data: &[u8]) {
     recorder.finish().expect("nothing fails on a device");
 }
 
+/// A picture's header and pixels, recorded; and as many pixels as the header says, where that is little.
+pub fn picture(data: &[u8]) {
+    let (header, payload) = message::<PictureHeader>(data);
+    let mut recorder = recorder();
+    recorder.picture(&header, payload, NOW_NS).expect("nothing fails on a device");
+    let bytes = header.bytes();
+    if bytes <= 1 << 16 && !payload.is_empty() {
+        let pixels: Vec<u8> = payload.iter().copied().cycle().take(bytes).collect();
+        recorder.picture(&header, &pixels, NOW_NS).expect("nothing fails on a device");
+    }
+    recorder.finish().expect("nothing fails on a device");
+}
+
 /// A status, told in every form.
 pub fn status(data: &[u8]) {
     let (status, _) = message::<Status>(data);
@@ -84,6 +97,11 @@ pub fn most_bytes_of_percept(len: usize) -> usize {
 /// Points, a surface and their encodings: some hundred bytes a voxel.
 pub fn most_bytes_of_completion(len: usize) -> usize {
     512 * len.max(2 * 4096) + (4 << 20)
+}
+
+/// Pixels, their PNG, and the recorder's buffers.
+pub fn most_bytes_of_picture(len: usize) -> usize {
+    64 * len.max(1 << 16) + (4 << 20)
 }
 
 /// A small multiple of the message.
@@ -148,6 +166,17 @@ pub fn completion_seeds() -> Vec<Vec<u8>> {
             bytes
         })
         .collect()
+}
+
+/// Seeds.
+pub fn picture_seeds() -> Vec<Vec<u8>> {
+    let of_size = |(width, height): (u32, u32)| {
+        let header = PictureHeader { width, height, frame_id: to_field("camera"), capture_ns: 7, ..PictureHeader::default() };
+        let mut bytes = bytes_of(&header);
+        bytes.extend((0..header.bytes()).map(|byte| (byte % 251) as u8));
+        bytes
+    };
+    [(1, 1), (8, 5), (64, 48)].map(of_size).into()
 }
 
 fn serving() -> Status {

@@ -1,11 +1,13 @@
 //! Grids into the shared memory of a daemon, and the count of what it answers.
 
+use super::live::LivePictures;
 use super::sink::{Finish, Observed, Shown, Sink};
 use crate::cli::failure::Failure;
 use beo_camera::carve;
 use beo_camera::{Carver, FrameGrids};
 use beo_ipc::text::{from_field, to_field};
 use beo_ipc::{CarvedGrid, ObservationHeader, PerceptStatus, Producer, Subscriber};
+use beo_picture::Image;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,6 +22,7 @@ const IN_FLIGHT: usize = 2;
 pub(super) struct Daemon {
     producer: Producer,
     subscriber: Subscriber,
+    pictures: LivePictures,
     stop: Arc<AtomicBool>,
     /// The answers set the pace.
     in_step: bool,
@@ -80,6 +83,10 @@ impl Sink for Daemon {
         Ok(())
     }
 
+    fn show(&mut self, of: &Shown<'_>, draw: &dyn Fn() -> Image) {
+        self.pictures.show(of, draw);
+    }
+
     fn frame_ended(&mut self) -> Result<(), Failure> {
         if self.in_step { self.settle(0) } else { self.drain().map(drop) }
     }
@@ -87,8 +94,15 @@ impl Sink for Daemon {
 
 impl Daemon {
     /// Nothing is sent yet. `in_step`: the answers set the pace.
-    pub(super) fn new(producer: Producer, subscriber: Subscriber, stop: Arc<AtomicBool>, in_step: bool, known_side_m: Option<f64>) -> Self {
-        Self { producer, subscriber, stop, in_step, known_side_m, pending: BTreeMap::new(), answers: Answers::default() }
+    pub(super) fn new(
+        producer: Producer,
+        subscriber: Subscriber,
+        pictures: LivePictures,
+        stop: Arc<AtomicBool>,
+        in_step: bool,
+        known_side_m: Option<f64>,
+    ) -> Self {
+        Self { producer, subscriber, pictures, stop, in_step, known_side_m, pending: BTreeMap::new(), answers: Answers::default() }
     }
 
     /// Waits for the answers that are still to come.

@@ -7,6 +7,7 @@ use beo_camera::{Carver, FrameGrids};
 use beo_core::grid::{Dims, Observation};
 use beo_core::whole_file::write_whole;
 use beo_ipc::CarvedGrid;
+use beo_picture::Image;
 use beo_shapes::{write_npy_labels, write_npy_observation};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -44,6 +45,9 @@ impl Sink for Files {
         write_npy_labels(&mut bytes, grids.size(), segments)?;
         write_whole(&path, &bytes).map_err(cannot_write(&path))
     }
+
+    /// Nobody looks on.
+    fn show(&mut self, _: &Shown<'_>, _: &dyn Fn() -> Image) {}
 
     fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, observed: &Observed, finish: &mut Finish<'_>) -> Result<(), Failure> {
         let quality = &observed.quality;

@@ -7,11 +7,12 @@
 //! | `replay` | plays the frames and counts |
 //! | `sink` | where grids go |
 //! | `daemon`, `files` | grids into shared memory, and into a folder |
-//! | `pictures` | a picture of each frame |
+//! | `pictures`, `live` | a picture of each frame, in a folder and for the live view |
 
 mod arguments;
 mod daemon;
 mod files;
+mod live;
 mod pictures;
 mod poses;
 mod replay;
@@ -28,6 +29,7 @@ use beo_ipc::{Producer, Subscriber, SubscriberOptions};
 pub use arguments::Camera;
 use daemon::Daemon;
 use files::Files;
+use live::LivePictures;
 use pictures::Pictures;
 use poses::read_trajectory;
 use replay::Replay;
@@ -67,7 +69,8 @@ impl Camera {
                 let dims = Dims::new(x, y, z)?;
                 let producer = connecting.open(|| Producer::open(&self.instance, &self.template(status.dims)))?;
                 let mut replay = Replay::new(&self, &frames, poses, pictures, self.grid_options(dims)?);
-                let mut daemon = Daemon::new(producer, subscriber, stop.clone(), self.rate.is_none(), self.known_side);
+                let pictures = LivePictures::new(&self.instance, producer.id());
+                let mut daemon = Daemon::new(producer, subscriber, pictures, stop.clone(), self.rate.is_none(), self.known_side);
                 replay.play(&stop, &mut daemon)?;
                 let answers = daemon.finish()?;
                 say!("{}, {answers}", replay.summary());

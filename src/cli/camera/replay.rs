@@ -4,7 +4,7 @@ use super::arguments::{Camera, SegmentArgument};
 use super::pictures::Pictures;
 use super::sink::{Observed, Shown, Sink};
 use crate::cli::failure::Failure;
-use crate::frames::{CapturedFrame, FrameFolder, StampedPose, question_depth, question_size};
+use crate::frames::{CapturedFrame, FrameFolder, StampedPose, draw_grids, question_depth, question_size};
 use beo_camera::{FrameGrids, FusedObjects, GridOptions, ObjectGrid, Observer, Segmentation};
 use beo_ipc::clock::monotonic_ns;
 use nalgebra::Isometry3;
@@ -129,6 +129,7 @@ impl<'a> Replay<'a> {
             self.say_why_not(captured.name(), &format!("object {object} has no pixel: its mask is empty, or nearer objects hide it"))?;
         }
         // Last: nobody waits for a picture.
+        sink.show(&shown, &|| draw_grids(&captured.frame(), &grids));
         if let Some(pictures) = &self.pictures {
             pictures.draw(captured, &grids)?;
         }

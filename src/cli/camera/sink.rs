@@ -2,6 +2,7 @@
 
 use crate::cli::failure::Failure;
 use beo_camera::{Carver, FrameGrids, Quality};
+use beo_picture::Image;
 
 /// The destinations of grids: the daemon, files, or pictures.
 pub(super) trait Sink {
@@ -9,6 +10,8 @@ pub(super) trait Sink {
     fn segmented(&mut self, of: &Shown<'_>, grids: &FrameGrids) -> Result<(), Failure>;
     /// Carves it into its place, lets `finish` change it, and passes it on.
     fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, observed: &Observed, finish: &mut Finish<'_>) -> Result<(), Failure>;
+    /// A frame can be drawn, for those who look on.
+    fn show(&mut self, of: &Shown<'_>, draw: &dyn Fn() -> Image);
     /// All objects of a frame were taken.
     fn frame_ended(&mut self) -> Result<(), Failure>;
 }

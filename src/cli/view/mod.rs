@@ -21,7 +21,7 @@ use std::time::Duration;
 /// Show live what the daemon perceives, in Foxglove, Lichtblick or a browser
 ///
 /// A WebSocket server with the topics of `beo record`: what was seen, the completion coloured and more transparent where unsure, box, pose
-/// hypotheses, classes as bars, health and latencies. In the viewer choose "Open connection", "Foxglove WebSocket", and the printed address.
+/// hypotheses, classes as bars, the camera's depth image with the objects found, health and latencies. In the viewer choose "Open connection", "Foxglove WebSocket", and the printed address.
 /// Topics are not shown until they are chosen: the layout of --layout chooses them. For who has no viewer, --web serves a page that shows the
 /// same. Slow viewers miss frames, and delay nobody.
 #[derive(Args)]
@@ -84,6 +84,7 @@ impl View {
             narrating.wait(LOOK)?;
             // What was seen is taken from the completions: the one place beside the daemon for reading observations is a recorder's.
             while !stop.load(Ordering::Relaxed) && narrating.answer(&mut narrator, true)? {}
+            narrating.pictures(&mut narrator)?;
             narrating.maintain(&mut narrator)?;
         }
         narrator.into_sink().stop(GOODBYE);

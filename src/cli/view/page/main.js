@@ -2,7 +2,7 @@
 
 import { connect } from "./connection.js";
 import * as panels from "./panels.js";
-import { Log, PointCloud, SceneUpdate, decode } from "./protobuf.js";
+import { CompressedImage, Log, PointCloud, SceneUpdate, decode } from "./protobuf.js";
 import { Scene } from "./scene.js";
 
 const scene = new Scene(document.getElementById("scene"));
@@ -16,6 +16,7 @@ const takers = {
   "/beo/classes": draw("/beo/classes"),
   "/beo/percept": (bytes) => panels.percept(json(bytes)),
   "/beo/status": (bytes) => panels.status(json(bytes)),
+  "/beo/picture": (bytes) => panels.picture(decode(CompressedImage, bytes)),
   "/beo/log": (bytes) => panels.log(decode(Log, bytes)),
 };
 

@@ -66,6 +66,21 @@ export function health(word, kind) {
   part("health").className = `badge ${kind}`;
 }
 
+let pictures = 0;
+
+/** A picture of a frame. Of those that are decoded at the same time the newest stays. */
+export async function picture({ data, format }) {
+  const number = ++pictures;
+  const decoded = await createImageBitmap(new Blob([data], { type: `image/${format}` }));
+  if (number === pictures) {
+    const canvas = part("picture");
+    part("camera").hidden = false;
+    [canvas.width, canvas.height] = [decoded.width, decoded.height];
+    canvas.getContext("2d").drawImage(decoded, 0, 0);
+  }
+  decoded.close();
+}
+
 /** A line of the log. */
 export function log({ level, message, name }) {
   const line = element("li", level >= 3 ? "warning" : "", `${name}: ${message}`);

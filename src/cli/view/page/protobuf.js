@@ -21,6 +21,7 @@ const SceneEntity = {
 
 export const SceneUpdate = { 2: ["entities", [SceneEntity]] };
 export const Log = { 2: ["level", "varint"], 3: ["message", "string"], 4: ["name", "string"] };
+export const CompressedImage = { 2: ["data", "bytes"], 3: ["format", "string"] };
 export const PointCloud = {
   2: ["frame", "string"],
   3: ["pose", Pose],
