@@ -50,6 +50,8 @@ pub struct MeasureScratch {
     nearest: Vec<f64>,
     /// From above, of what lies higher than each of [`OUTLINED`].
     outlines: [Outline; OUTLINED.len()],
+    /// Which third of the height each layer of voxels lies in, if any.
+    thirds: Vec<Option<usize>>,
 }
 
 /// Filled voxels from above.
@@ -152,9 +154,19 @@ pub fn measure(frame: &ViewFrame, observation: &Observation, voxel_m: Option<f64
         *cell = cell.min(near);
     }
     let mut empty = [0_u32; THIRDS];
-    let inner = |at: &Vector3<f64>| (0.2..0.8).contains(&at.y) && (0.2..0.9).contains(&at.x);
-    let known_empty = observation.known().ones().filter(|voxel| !observation.filled().contains(*voxel));
-    known_empty.filter_map(|voxel| share(&relative(voxel), &half)).filter(inner).for_each(|at| empty[step(at.z, THIRDS)] += 1);
+    // The axes are turned about the vertical: of a column, only the height differs from voxel to voxel.
+    let share_of = |voxel: usize| (relative(voxel) + half).component_div(&sides);
+    let third = |k: usize| Some(share_of(k).z).filter(|z| (0.0..1.0).contains(z)).map(|z| step(z, THIRDS));
+    scratch.thirds.clear();
+    scratch.thirds.extend((0..dims.z()).map(third));
+    let is_empty = |voxel: usize| observation.known().contains(voxel) && !observation.filled().contains(voxel);
+    for first in (0..dims.columns()).map(|column| column * dims.z()) {
+        let at = share_of(first);
+        if (0.2..0.8).contains(&at.y) && (0.2..0.9).contains(&at.x) {
+            let thirds = scratch.thirds.iter().enumerate().filter_map(|(k, third)| Some((first + k, (*third)?)));
+            thirds.filter(|(voxel, _)| is_empty(*voxel)).for_each(|(_, third)| empty[third] += 1);
+        }
+    }
 
     out.clear();
     let finite = |value: f64| if value.is_finite() { value as f32 } else { ABSENT };

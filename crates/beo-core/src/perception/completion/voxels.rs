@@ -96,10 +96,23 @@ pub struct Unknown<'a, P> {
     pub scratch: &'a mut BlockScratch,
 }
 
-impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
-    /// Calls `each` for all blocks, ascending.
+/// Takes the blocks of unknown voxels. A trait of its own beside `FnMut`: a closure cannot be told to become a part of its caller, and as a function
+/// of its own it would lack the caller's vector instructions.
+trait TakeBlock {
+    fn take(&mut self, block: &Block);
+}
+
+impl<F: FnMut(&Block)> TakeBlock for F {
     #[inline(always)]
-    fn for_each_block<const FUSED: bool>(&mut self, mut each: impl FnMut(&Block)) {
+    fn take(&mut self, block: &Block) {
+        self(block);
+    }
+}
+
+impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
+    /// Hands over all blocks, ascending.
+    #[inline(always)]
+    fn for_each_block<const FUSED: bool>(&mut self, mut to: impl TakeBlock) {
         let mut runs = self.runs.iter().peekable();
         while let Some(&&(start, _)) = runs.peek() {
             // All runs that touch this block: the last of them may go on in the next.
@@ -119,7 +132,7 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone> Unknown<'_, P> {
                     }
                     runs.next();
                 }
-                each(&self.block::<FUSED>(column, z, depth));
+                to.take(&self.block::<FUSED>(column, z, depth));
                 if !goes_on {
                     break;
                 }
@@ -209,18 +222,32 @@ impl<'a, P: Iterator<Item = Part<'a>> + Clone, V: Value> Kernel for Complete<'_,
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         let Self { mut unknown, weights, first, occupancy, deviation } = self;
-        unknown.for_each_block::<FUSED>(|block| {
-            let (mut p, mut sd) = ([0.0; LANES], [0.0; LANES]);
-            for l in 0..LANES {
-                // Lanes of known voxels are computed too, and dropped.
-                let features = VoxelFeatures { depth: block.depth[l].max(1.0), ..block.features(l) };
-                (p[l], sd[l]) = features.probability(&weights);
-            }
-            let (p, sd) = (p.map(V::from_unit), sd.map(V::from_unit));
-            for lane in block.unknown() {
-                (occupancy[block.first - first + lane], deviation[block.first - first + lane]) = (p[lane], sd[lane]);
-            }
-        });
+        unknown.for_each_block::<FUSED>(Writing { weights, first, occupancy, deviation });
+    }
+}
+
+/// Where a completion goes: see [`Complete`].
+struct Writing<'a, V> {
+    weights: [f32; 5],
+    first: usize,
+    occupancy: &'a mut [V],
+    deviation: &'a mut [V],
+}
+
+impl<V: Value> TakeBlock for Writing<'_, V> {
+    #[inline(always)]
+    fn take(&mut self, block: &Block) {
+        let (mut p, mut sd) = ([0.0; LANES], [0.0; LANES]);
+        for l in 0..LANES {
+            // Lanes of known voxels are computed too, and dropped.
+            let features = VoxelFeatures { depth: block.depth[l].max(1.0), ..block.features(l) };
+            (p[l], sd[l]) = features.probability(&self.weights);
+        }
+        let (p, sd) = (p.map(V::from_unit), sd.map(V::from_unit));
+        for lane in block.unknown() {
+            let voxel = block.first - self.first + lane;
+            (self.occupancy[voxel], self.deviation[voxel]) = (p[lane], sd[lane]);
+        }
     }
 }
 
