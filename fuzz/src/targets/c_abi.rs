@@ -173,6 +173,19 @@ fn text<'a>(pointer: *const c_char) -> &'a str {
     unsafe { std::ffi::CStr::from_ptr(pointer) }.to_str().expect("UTF-8")
 }
 
+/// The operation that a byte stands for. Opening and closing producers and subscribers takes longer than all else: one byte stands for each of them,
+/// and many for the others.
+fn operation_of(byte: u8) -> u8 {
+    match (byte, byte % 19) {
+        (0..19, own) => own,
+        (_, 0) => 2,
+        (_, 1) => 10,
+        (_, 7) => 6,
+        (_, 8) => 12,
+        (_, other) => other,
+    }
+}
+
 struct Program<'a> {
     left: &'a [u8],
 }
@@ -402,7 +415,7 @@ impl World {
         };
         // SAFETY: every pointer is NULL or leads to a local of the right type that outlives the call; slices are as long as said.
         unsafe {
-            match operation % 19 {
+            match operation_of(operation) {
                 0 => {
                     let options = program.options(8);
                     let options = if program.given() { options.as_ptr() } else { null() };
@@ -509,6 +522,21 @@ pub fn seeds() -> Vec<Vec<u8>> {
             (6, 7, 2),
             (14, 7, 1),
         ]),
+        calls(&[
+            (2, 2, 0),
+            (2, 3, 0),
+            (4, 7, 3),
+            (4, 7, 2),
+            (17, 7, 7),
+            (10, 7, 1),
+            (11, 3, 1),
+            (10, 7, 1),
+            (11, 4, 1),
+            (12, 7, 4),
+            (12, 7, 4),
+        ]),
+        calls(&[(16, 7, 0), (17, 7, 7), (14, 7, 1), (15, 7, 0), (10, 7, 1), (13, 7, 1), (9, 7, 0), (4, 7, 1), (6, 7, 1), (12, 7, 0)]),
+        calls(&[(2, 4, 0), (4, 7, 4), (17, 7, 7), (11, 5, 1), (11, 6, 1), (12, 7, 5), (4, 7, 4), (6, 7, 4), (12, 7, 6), (10, 7, 5)]),
         calls(&[
             (0, 0, 0),
             (1, 1, 0),

@@ -9,6 +9,7 @@ pub mod observation;
 mod plain;
 pub mod readers;
 pub mod reload;
+pub mod ros2;
 pub mod shapes;
 mod small_model;
 
@@ -25,7 +26,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 25] = [
+pub const TARGETS: [Target; 27] = [
     Target { name: "binvox", run: shapes::binvox, seeds: shapes::binvox_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npy", run: shapes::npy, seeds: shapes::npy_seeds, most_bytes: shapes::most_bytes_of_voxels },
     Target { name: "npz", run: shapes::npz, seeds: shapes::npz_seeds, most_bytes: shapes::most_bytes_of_archive },
@@ -52,14 +53,10 @@ pub const TARGETS: [Target; 25] = [
         seeds: readers::completion_seeds,
         most_bytes: readers::most_bytes_of_completion,
     },
-    Target {
-        name: "picture",
-        run: readers::picture,
-        seeds: readers::picture_seeds,
-        most_bytes: readers::most_bytes_of_picture,
-    },
+    Target { name: "picture", run: readers::picture, seeds: readers::picture_seeds, most_bytes: readers::most_bytes_of_picture },
     Target { name: "status", run: readers::status, seeds: readers::status_seeds, most_bytes: readers::most_bytes_of_status },
     Target { name: "reload", run: reload::run, seeds: reload::seeds, most_bytes: reload::most_bytes },
     Target { name: "link", run: link::run, seeds: link::seeds, most_bytes: link::most_bytes },
+    Target { name: "ros2", run: ros2::run, seeds: ros2::seeds, most_bytes: ros2::most_bytes },
     Target { name: "alignment", run: shapes::alignment, seeds: shapes::alignment_seeds, most_bytes: shapes::most_bytes_of_mesh },
 ];

@@ -5,7 +5,9 @@ use super::plain::{bytes_of, message};
 use beo::cli::{StatusForm, as_json, as_text, label, ranking, status_report};
 use beo::recording::{Answer, Recorder};
 use beo_ipc::text::to_field;
-use beo_ipc::{ABI_VERSION, CompletionFrame, CompletionHeader, Gaps, InstanceName, ObservationHeader, Percept, PictureHeader, Status, tasks};
+use beo_ipc::{
+    ABI_VERSION, CompletionFrame, CompletionHeader, Gaps, InstanceName, ObservationHeader, Percept, PictureHeader, Status, tasks,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
 
