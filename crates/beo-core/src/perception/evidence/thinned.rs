@@ -82,12 +82,14 @@ pub struct ThinnedEvidence<'a> {
 impl ThinnedModel {
     /// The classes on lattices of a grid; none where nothing is derived over its voxels.
     pub fn new(dims: Dims, classes: &[ClassSubspace]) -> Option<Self> {
+        // Before there is a lattice: that of a grid which is so large that nothing is derived over it would take hours to choose.
+        let derived: Vec<_> = classes.iter().map(ClassSubspace::derived).collect::<Option<_>>()?;
         let of = |voxels: usize| {
             let lattice = Lattice::one_of((dims.voxels() / voxels).max(1), dims);
-            let classes = classes.iter().map(|class| ThinnedClass::of(class, lattice.voxels())).collect::<Option<_>>()?;
-            Some(ThinnedClasses { lattice, classes })
+            let classes = derived.iter().map(|(prior, rows)| ThinnedClass::new(prior, rows, lattice.voxels())).collect();
+            ThinnedClasses { lattice, classes }
         };
-        Some(Self { coarse: of(COARSE_VOXELS)?, fine: of(FINE_VOXELS)? })
+        Some(Self { coarse: of(COARSE_VOXELS), fine: of(FINE_VOXELS) })
     }
 
     /// The evidence of a class for an observation; `noise` is the noise variance.
@@ -131,12 +133,7 @@ impl ThinnedEvidence<'_> {
 }
 
 impl ThinnedClass {
-    /// A class on some of the voxels only; none where nothing is derived over voxels.
-    pub fn of(class: &ClassSubspace, voxels: &[usize]) -> Option<Self> {
-        class.derived().map(|(prior, rows)| Self::new(prior, rows, voxels))
-    }
-
-    /// A class with this prior and these rows.
+    /// A class with this prior and these rows, on some of the voxels only.
     fn new(prior: &ClassGram, rows: &Rows, voxels: &[usize]) -> Self {
         let stride = rows.stride();
         let mut wide = vec![0.0; voxels.len() * stride];
@@ -206,9 +203,12 @@ impl ThinnedClass {
 mod tests {
     use super::*;
     use crate::grid::{Outside, View, yaw};
+    use crate::perception::basis::shared_rows::SharedRows;
     use crate::perception::evidence::placed::EvidenceScratch;
     use crate::perception::pose::small::{model, perceiver, unseen};
+    use fixedbitset::FixedBitSet;
     use nalgebra::Vector3;
+    use std::sync::Arc;
 
     /// On a lattice of all voxels the evidence is the evidence; on thinner ones its differences between poses are nearly those of all voxels.
     #[test]
@@ -217,7 +217,8 @@ mod tests {
         let all = ThinnedClasses { lattice: Lattice::one_of(1, dims), classes: Vec::new() };
         let of = |of: usize| {
             let lattice = Lattice::one_of(of, dims);
-            let classes = evidence.subspaces.iter().map(|class| ThinnedClass::of(class, lattice.voxels()).unwrap()).collect();
+            let derived = evidence.subspaces.iter().map(|class| class.derived().unwrap());
+            let classes = derived.map(|(prior, rows)| ThinnedClass::new(prior, rows, lattice.voxels())).collect();
             ThinnedClasses { lattice, classes }
         };
         assert_eq!(all.lattice.share(), 1.0);
@@ -242,5 +243,14 @@ mod tests {
             }
         }
         assert!(worst < 0.25 * widest, "{worst} of {widest}");
+    }
+
+    /// Where W' is read in place, no lattice is looked for: of a grid of 254³ that would take hours.
+    #[test]
+    fn a_model_that_is_read_in_place_has_no_lattice_however_large_its_grid() {
+        let support = FixedBitSet::from_iter(0..model().dims().voxels());
+        let rows = Arc::new(SharedRows::over(model().dims(), model().basis.clone(), support).unwrap());
+        let classes: Vec<ClassSubspace> = model().classes.iter().map(|class| ClassSubspace::shared(&rows, class)).collect();
+        assert!(ThinnedModel::new(Dims::cube(254).unwrap(), &classes).is_none());
     }
 }
