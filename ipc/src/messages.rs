@@ -491,7 +491,7 @@ layout!(PictureHeader: 128, reserved from 68 {
 });
 
 impl PictureHeader {
-    /// The bytes of its pixels, as far as memory reaches.
+    /// The bytes of its pixels; `usize::MAX` where there would be more than can be counted.
     pub fn bytes(&self) -> usize {
         3_usize.saturating_mul(self.width as usize).saturating_mul(self.height as usize)
     }

@@ -43,7 +43,7 @@ struct Outlet {
     service: PictureService,
     readers: Peers,
     // Dropped last.
-    node: Node<Ipc>,
+    _node: Node<Ipc>,
 }
 
 /// Shared memory for pictures of at most so many bytes.
@@ -60,7 +60,7 @@ impl PictureSender {
     }
 
     /// Whether somebody looks: where not, nothing needs to be drawn. To be asked before each picture; it looks for a channel four times a
-    /// second at most, and lets go of one that nobody reads.
+    /// second at most, and lets go of one that nobody reads. A reader that was killed counts until the daemon has cleaned up after it.
     ///
     /// # Errors
     /// [`OpenError`] if there is a channel that cannot be joined. The next call tries again.
@@ -90,7 +90,7 @@ impl PictureSender {
             node::clean_up(&node);
             return Ok(false);
         }
-        self.outlet = Some(Outlet { segment: None, service, readers: Peers::default(), node });
+        self.outlet = Some(Outlet { segment: None, service, readers: Peers::default(), _node: node });
         Ok(true)
     }
 
@@ -113,13 +113,6 @@ impl PictureSender {
             return Err(SendError::PeerInTheWay);
         }
         sample.send().map_err(channel::send_error)
-    }
-
-    /// Housekeeping, about once a second: cleans up after those who looked and died.
-    pub fn maintain(&self) {
-        if let Some(outlet) = &self.outlet {
-            node::clean_up(&outlet.node);
-        }
     }
 }
 

@@ -6,7 +6,7 @@ use super::{StatusForm, status_report};
 use crate::recording::{Answer, Narrator, Sink};
 use beo_ipc::clock::monotonic_ns;
 use beo_ipc::text::from_field;
-use beo_ipc::{InstanceName, OpenError, PictureReader, Status, Subscriber};
+use beo_ipc::{InstanceName, PictureReader, Status, Subscriber};
 use std::time::{Duration, Instant};
 
 /// Time between two tellings of the daemon's health.
@@ -19,6 +19,8 @@ pub struct Narrating<'a> {
     status: Status,
     /// The pictures of cameras, while they are wanted.
     pictures: Option<PictureReader>,
+    /// That they cannot be had was said.
+    has_complained: bool,
     /// When the daemon's health was told last.
     told: Option<Instant>,
     /// Percepts that were missed, as far as it was said.
@@ -34,7 +36,7 @@ impl<'a> Narrating<'a> {
         narrator: &mut Narrator<S>,
     ) -> Result<Self, Failure> {
         narrator.say(&served(&status), monotonic_ns())?;
-        Ok(Self { instance, subscriber, status, pictures: None, told: None, missed: 0 })
+        Ok(Self { instance, subscriber, status, pictures: None, has_complained: false, told: None, missed: 0 })
     }
 
     /// Waits for something to tell.
@@ -66,20 +68,8 @@ impl<'a> Narrating<'a> {
         Ok(true)
     }
 
-    /// Tells the newest pictures of the cameras. Cameras draw only where somebody looks, and that is from now on, if the narrator wants pictures.
+    /// Tells the newest pictures of the cameras.
     pub fn pictures<S: Sink<Error: 'static>>(&mut self, narrator: &mut Narrator<S>) -> Result<(), Failure> {
-        if !narrator.wants_pictures() {
-            self.pictures = None;
-            return Ok(());
-        }
-        if self.pictures.is_none() {
-            match PictureReader::open(self.instance) {
-                Ok(reader) => self.pictures = Some(reader),
-                // Others look; one of them may leave.
-                Err(OpenError::Full { .. }) => return Ok(()),
-                Err(error) => return Err(error.into()),
-            }
-        }
         let Some(reader) = &self.pictures else { return Ok(()) };
         while let Some(picture) = reader.take()? {
             // One that is broken is passed over: the next will come.
@@ -90,13 +80,32 @@ impl<'a> Narrating<'a> {
         Ok(())
     }
 
-    /// Housekeeping, as often as you like: tells once a second how the daemon does, and what was missed.
+    /// Looks at the cameras' pictures where they are wanted, and no longer where they are not. Cameras draw only where somebody looks.
+    fn look_at_pictures<S: Sink<Error: 'static>>(&mut self, narrator: &Narrator<S>) {
+        if !narrator.wants_pictures() {
+            self.pictures = None;
+        } else if self.pictures.is_none() {
+            match PictureReader::open(self.instance) {
+                Ok(reader) => self.pictures = Some(reader),
+                // All else is told without them, and the next time they may be had.
+                Err(error) if !self.has_complained => {
+                    warn!("warning: no pictures of cameras: {error}");
+                    self.has_complained = true;
+                }
+                Err(_) => {}
+            }
+        }
+    }
+
+    /// Housekeeping, as often as you like: tells once a second how the daemon does, and what was missed, and sees whether
+    /// pictures are wanted.
     pub fn maintain<S: Sink<Error: 'static>>(&mut self, narrator: &mut Narrator<S>) -> Result<(), Failure> {
         if self.told.is_some_and(|told| told.elapsed() < HEALTH) {
             return Ok(());
         }
         self.told = Some(Instant::now());
         self.subscriber.maintain();
+        self.look_at_pictures(narrator);
         self.pictures.iter().for_each(PictureReader::maintain);
         self.refresh(narrator)?;
         let now_ns = monotonic_ns();

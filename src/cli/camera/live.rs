@@ -47,7 +47,6 @@ impl LivePictures {
             self.complain(&error);
         }
         self.drawn = Some(Instant::now());
-        self.sender.maintain();
     }
 
     fn complain(&mut self, error: &dyn std::fmt::Display) {
