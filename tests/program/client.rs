@@ -49,10 +49,19 @@ impl Client {
 
     /// The percept of an observation of this producer and number, as soon as there is one.
     pub fn percept(&self, (producer, sequence): (u64, u64)) -> Percept {
+        self.first(|percept| (percept.producer_id, percept.sequence) == (producer, sequence))
+    }
+
+    /// The next percept of this producer, which may overtake some of its observations by newer ones.
+    pub fn percept_of(&self, producer: u64) -> Percept {
+        self.first(|percept| percept.producer_id == producer)
+    }
+
+    fn first(&self, wanted: impl Fn(&Percept) -> bool) -> Percept {
         let start = Instant::now();
         loop {
             match self.subscriber.take_percept().unwrap() {
-                Some(percept) if (percept.producer_id, percept.sequence) == (producer, sequence) => return percept,
+                Some(percept) if wanted(&percept) => return percept,
                 Some(_) => {}
                 None => {
                     assert!(start.elapsed() < PATIENCE, "no answer");

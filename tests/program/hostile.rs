@@ -293,7 +293,7 @@ fn a_producer_that_cuts_its_memory_ends_nobody_else() {
     let before = ask(&honest, |_, _| {});
     for length in [0, 4096, 5000] {
         let mut hostile = Actor::start(Role::Producer { every_ms: 5, search: PoseSearch::Known }, &name);
-        honest.percept((hostile.id, 1));
+        honest.percept_of(hostile.id);
         let refused = honest.status(|_| true).refused;
         // Now the daemon has mapped its segment, and what comes waits in it.
         daemon.signal(Signal::STOP);
