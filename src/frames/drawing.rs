@@ -72,9 +72,11 @@ fn range(frame: &Frame<'_>) -> Option<[f64; 2]> {
     if depths.is_empty() {
         return None;
     }
-    depths.sort_by(f64::total_cmp);
-    let at = |share: f64| depths[(share * (depths.len() - 1) as f64).round() as usize];
-    let (near, far) = (at(BEYOND), at(1.0 - BEYOND));
+    let last = depths.len() - 1;
+    let [near, far] = [BEYOND, 1.0 - BEYOND].map(|share| {
+        let (_, depth, _) = depths.select_nth_unstable_by((share * last as f64).round() as usize, f64::total_cmp);
+        *depth
+    });
     // All at one depth: any width will do.
     Some([near, far.max(near + 1e-3)])
 }
