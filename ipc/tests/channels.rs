@@ -3,11 +3,13 @@
 //! The other processes are this test binary again, in a role given by the environment (see [`a_role_in_another_process`]). Every test has
 //! an instance of its own; children are ended by id; nothing asserts how long something takes, waiting only ends after a while.
 
+mod waiting;
+
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use beo_ipc::{
     Completion, InstanceName, LoanError, ObservationHeader, OpenError, Percept, PerceptStatus, PoseSearch, Producer, Refusal, Server,
@@ -15,9 +17,9 @@ use beo_ipc::{
 };
 use iceoryx2::prelude::*;
 use rustix::process::{Pid, Signal, kill_process};
+use waiting::{PATIENCE, eventually};
 
 const DIMS: [u32; 3] = [30; 3];
-const PATIENCE: Duration = Duration::from_secs(60);
 const WITH_COMPLETION: SubscriberOptions = SubscriberOptions { completion: true };
 
 // -----------------------------------------------------------------------------------------------------------------------------------------
@@ -250,17 +252,6 @@ impl Drop for Peer {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
-    }
-}
-
-fn eventually<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
-    let start = Instant::now();
-    loop {
-        if let Some(value) = attempt() {
-            return value;
-        }
-        assert!(start.elapsed() < PATIENCE, "waited in vain: {what}");
-        std::thread::sleep(Duration::from_millis(5));
     }
 }
 

@@ -1,25 +1,13 @@
 //! Pictures of frames, from a camera to those who look.
 
-use std::time::{Duration, Instant};
+mod waiting;
 
 use beo_ipc::{InstanceName, OpenError, Picture, PictureHeader, PictureReader, PictureSender, ReceiveError, text};
 use iceoryx2::prelude::*;
-
-const PATIENCE: Duration = Duration::from_secs(60);
+use waiting::eventually;
 
 fn instance(test: &str) -> InstanceName {
     InstanceName::new(&format!("picture-{test}-{}", std::process::id())).unwrap()
-}
-
-fn eventually<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
-    let start = Instant::now();
-    loop {
-        if let Some(value) = attempt() {
-            return value;
-        }
-        assert!(start.elapsed() < PATIENCE, "{what}: not within {PATIENCE:?}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 fn watched(sender: &mut PictureSender) {
