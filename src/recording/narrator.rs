@@ -7,7 +7,7 @@ use super::topics::{EncodeError, Sink, Times, Topic};
 use crate::export::{GridPlacement, surface_of};
 use beo_core::grid::{Dims, Observation, from_xyzw};
 use beo_ipc::{CompletionFrame, CompletionHeader, ObservationHeader, Percept, PerceptStatus, PictureHeader};
-use beo_picture::Image;
+use beo_picture::png_of;
 use foxglove::Encode;
 use foxglove::messages::{Log, log};
 use std::time::Duration;
@@ -140,16 +140,15 @@ impl<S: Sink> Narrator<S> {
         Ok(())
     }
 
-    /// A picture of a frame; one without pixels is left out.
+    /// A picture of a frame; one that has none, or not as many pixels as its header says, is left out.
     ///
     /// # Errors
     /// The sink's.
     pub fn picture(&mut self, header: &PictureHeader, pixels: &[u8], now_ns: u64) -> Result<(), S::Error> {
-        if !self.sink.wants(Topic::Picture) {
+        if !self.wants_pictures() || pixels.len() != header.bytes() {
             return Ok(());
         }
-        let drawn = Image::of_rgb(header.width as usize, header.height as usize, pixels);
-        let Some(png) = drawn.and_then(|image| image.png().ok()) else { return Ok(()) };
+        let Ok(png) = png_of(header.width, header.height, pixels) else { return Ok(()) };
         let about = self.about(header.producer_id, 0, &header.frame_id, header.capture_ns);
         self.write(Topic::Picture, self.times(&about, now_ns), || image(&about, png))
     }

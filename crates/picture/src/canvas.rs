@@ -181,13 +181,6 @@ impl Image {
         Self { width, height, pixels: vec![Colour::PAPER.rgb; width * height] }
     }
 
-    /// A picture of these pixels, three bytes each, row by row from the top left; `None` if they are not as many.
-    pub fn of_rgb(width: usize, height: usize, rgb: &[u8]) -> Option<Self> {
-        let (pixels, rest) = rgb.as_chunks::<3>();
-        let is_whole = rest.is_empty() && width.checked_mul(height) == Some(pixels.len());
-        is_whole.then(|| Self { width, height, pixels: pixels.to_vec() })
-    }
-
     /// The pixels, three bytes each (red, green, blue), row by row from the top left.
     pub fn rgb(&self) -> &[u8] {
         self.pixels.as_flattened()
@@ -279,26 +272,31 @@ impl Image {
         turned
     }
 
-    /// The picture as PNG.
-    ///
-    /// # Errors
-    /// The encoder's, for a picture without pixels.
-    pub fn png(&self) -> Result<Vec<u8>, png::EncodingError> {
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(self.rgb())?;
-        writer.finish()?;
-        Ok(bytes)
-    }
-
     /// Writes the picture as PNG; the file appears under its name only when it is whole.
     pub fn save(&self, path: &Path) -> Result<(), SaveError> {
-        let bytes = self.png().map_err(|source| SaveError::Encode { path: path.into(), source })?;
+        let bytes =
+            png_of(self.width as u32, self.height as u32, self.rgb()).map_err(|source| SaveError::Encode { path: path.into(), source })?;
         write_whole(path, &bytes).map_err(|source| SaveError::File { path: path.into(), source })
     }
+}
+
+/// Pixels as PNG: three bytes for each of width × height (red, green, blue), row by row from the top left.
+///
+/// # Errors
+/// The encoder's, for a picture without pixels.
+///
+/// # Panics
+/// If there are not as many pixels.
+pub fn png_of(width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+    assert_eq!(Some(rgb.len() as u64), (3 * u64::from(width)).checked_mul(height.into()), "three bytes for each pixel");
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(rgb)?;
+    writer.finish()?;
+    Ok(bytes)
 }
 
 /// The fonts are ISO 8859-1: what they lack is replaced.

@@ -7,7 +7,7 @@ mod plot;
 mod scenes;
 mod voxels;
 
-pub use canvas::{Anchor, Colour, Image, MOST_UNSURE, SaveError, TextSize, sheet};
+pub use canvas::{Anchor, Colour, Image, MOST_UNSURE, SaveError, TextSize, png_of, sheet};
 pub use palette::viridis;
 pub use perceived::Perceived;
 pub use plot::{Chart, WeightedSeries};

@@ -83,8 +83,8 @@ impl Sink for Daemon {
         Ok(())
     }
 
-    fn show(&mut self, of: &Shown<'_>, draw: &dyn Fn() -> Image) {
-        self.pictures.show(of, draw);
+    fn show<'i>(&mut self, of: &Shown<'_>, drawn: &dyn Fn() -> &'i Image) {
+        self.pictures.show(of, drawn);
     }
 
     fn frame_ended(&mut self) -> Result<(), Failure> {

@@ -47,7 +47,7 @@ impl Sink for Files {
     }
 
     /// Nobody looks on.
-    fn show(&mut self, _: &Shown<'_>, _: &dyn Fn() -> Image) {}
+    fn show<'i>(&mut self, _: &Shown<'_>, _: &dyn Fn() -> &'i Image) {}
 
     fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, observed: &Observed, finish: &mut Finish<'_>) -> Result<(), Failure> {
         let quality = &observed.quality;

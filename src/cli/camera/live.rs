@@ -24,7 +24,7 @@ impl LivePictures {
     }
 
     /// Draws and sends the picture of a frame, if somebody looks and the last one is long enough ago.
-    pub(super) fn show(&mut self, of: &Shown<'_>, draw: &dyn Fn() -> Image) {
+    pub(super) fn show<'i>(&mut self, of: &Shown<'_>, drawn: &dyn Fn() -> &'i Image) {
         if self.drawn.is_some_and(|drawn| drawn.elapsed() < PERIOD) {
             return;
         }
@@ -33,7 +33,7 @@ impl LivePictures {
             Ok(false) => return,
             Err(error) => return self.complain(&error),
         }
-        let image = draw();
+        let image = drawn();
         let header = PictureHeader {
             width: image.width() as u32,
             height: image.height() as u32,

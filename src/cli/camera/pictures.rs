@@ -1,8 +1,7 @@
 //! A picture of each frame with what was found in it, in a folder.
 
 use crate::cli::failure::{Failure, cannot_write};
-use crate::frames::{CapturedFrame, draw_grids};
-use beo_camera::FrameGrids;
+use beo_picture::Image;
 use std::path::{Path, PathBuf};
 
 /// Where the images of frames lie in the layouts that are read, and often colour images of the same names beside them.
@@ -28,8 +27,7 @@ impl Pictures {
     }
 
     /// Writes the picture of a frame: it appears under its name only when it is complete.
-    pub(super) fn draw(&self, captured: &CapturedFrame, grids: &FrameGrids) -> Result<(), Failure> {
-        let path = self.folder.join(format!("{}.png", captured.name()));
-        Ok(draw_grids(&captured.frame(), grids).save(&path)?)
+    pub(super) fn save(&self, frame: &str, picture: &Image) -> Result<(), Failure> {
+        Ok(picture.save(&self.folder.join(format!("{frame}.png")))?)
     }
 }

@@ -8,6 +8,7 @@ use crate::frames::{CapturedFrame, FrameFolder, StampedPose, draw_grids, questio
 use beo_camera::{FrameGrids, FusedObjects, GridOptions, ObjectGrid, Observer, Segmentation};
 use beo_ipc::clock::monotonic_ns;
 use nalgebra::Isometry3;
+use std::cell::LazyCell;
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -129,9 +130,10 @@ impl<'a> Replay<'a> {
             self.say_why_not(captured.name(), &format!("object {object} has no pixel: its mask is empty, or nearer objects hide it"))?;
         }
         // Last: nobody waits for a picture.
-        sink.show(&shown, &|| draw_grids(&captured.frame(), &grids));
+        let drawn = LazyCell::new(|| draw_grids(&captured.frame(), &grids));
+        sink.show(&shown, &|| &*drawn);
         if let Some(pictures) = &self.pictures {
-            pictures.draw(captured, &grids)?;
+            pictures.save(captured.name(), &drawn)?;
         }
         Ok(())
     }

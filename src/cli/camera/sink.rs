@@ -11,7 +11,7 @@ pub(super) trait Sink {
     /// Carves it into its place, lets `finish` change it, and passes it on.
     fn take(&mut self, of: &Shown<'_>, carver: &Carver<'_>, observed: &Observed, finish: &mut Finish<'_>) -> Result<(), Failure>;
     /// A frame can be drawn, for those who look on.
-    fn show(&mut self, of: &Shown<'_>, draw: &dyn Fn() -> Image);
+    fn show<'i>(&mut self, of: &Shown<'_>, drawn: &dyn Fn() -> &'i Image);
     /// All objects of a frame were taken.
     fn frame_ended(&mut self) -> Result<(), Failure>;
 }
