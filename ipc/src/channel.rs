@@ -21,7 +21,8 @@ use crate::InstanceName;
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::layout::Layout;
 use crate::messages::{ABI_VERSION, CompletionHeader, Hypothesis, ObservationHeader, Percept, PictureHeader, Status};
-use crate::node::{Ipc, service_name};
+use crate::node::{self, Ipc, service_name};
+use crate::remains::process_is_gone;
 
 pub(crate) type ObservationService = publish_subscribe::PortFactory<Ipc, [u8], ObservationHeader>;
 pub(crate) type PerceptService = publish_subscribe::PortFactory<Ipc, Percept, ()>;
@@ -438,9 +439,35 @@ pub(crate) fn daemon_runs(service: &PerceptService) -> bool {
 /// Whether the process of the daemon that publishes percepts is gone without having cleaned up. A daemon in another process namespace can
 /// be taken for gone: to be used only to decide when to look closely.
 pub(crate) fn daemon_seems_dead(service: &PerceptService) -> bool {
-    daemon_pid(service)
-        .and_then(|pid| rustix::process::Pid::from_raw(pid.cast_signed()))
-        .is_some_and(|pid| matches!(rustix::process::test_kill_process(pid), Err(rustix::io::Errno::SRCH)))
+    daemon_pid(service).is_some_and(process_is_gone)
+}
+
+/// A client's node, and the percepts of the running daemon. Where that one was killed, it cleans up after it.
+pub(crate) fn join_daemon(role: &str, instance: &InstanceName) -> Result<(Node<Ipc>, PerceptService), OpenError> {
+    let node = node::create(role, instance)?;
+    let mut service = open_percept(&node, instance)?;
+    if daemon_runs(&service) && daemon_seems_dead(&service) {
+        // The cleaning removes a service that nobody else has.
+        drop(service);
+        node::clean_up_and_wait(&node);
+        service = open_percept(&node, instance)?;
+    }
+    if daemon_runs(&service) { Ok((node, service)) } else { Err(OpenError::NotRunning { instance: instance.clone() }) }
+}
+
+/// Opens a role; where all places are taken, once more after a cleaning up: killed processes may have them.
+pub(crate) fn open_with_room<Role>(
+    role: &str,
+    instance: &InstanceName,
+    open: impl Fn() -> Result<Role, OpenError>,
+) -> Result<Role, OpenError> {
+    match open() {
+        Err(OpenError::Full { .. }) => {
+            node::clean_up_and_wait(&node::create(role, instance)?);
+            open()
+        }
+        result => result,
+    }
 }
 
 /// Whether the services of an instance exist: cheaper than trying to open them.

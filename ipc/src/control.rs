@@ -9,15 +9,16 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::server::Server as Port;
 use iceoryx2::prelude::{AttributeVerifier, Node, PortFactory as _, ZeroCopySend};
 use iceoryx2::service::builder::request_response::{RequestResponseOpenError, RequestResponseOpenOrCreateError};
+use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response;
 
 use crate::InstanceName;
-use crate::channel::{LAYOUT_ATTRIBUTE, PATIENCE, check_layout, failed, receive_error};
+use crate::channel::{self, LAYOUT_ATTRIBUTE, PATIENCE, check_layout, failed, receive_error};
 use crate::error::{OpenError, ReceiveError};
 use crate::layout::{Layout, layout};
 use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::ABI_VERSION;
-use crate::node::{self, Ipc, service_name};
+use crate::node::{Ipc, service_name};
 use crate::shared::copy_of;
 use crate::text::{from_field, to_field};
 
@@ -113,7 +114,7 @@ fn layout_text() -> String {
 }
 
 /// Creates the service of control calls, or takes over the one that callers kept.
-pub(crate) fn create(node: &Node<Ipc>, instance: &InstanceName) -> Result<ControlPort, OpenError> {
+pub(crate) fn create(node: &Node<Ipc>, instance: &InstanceName) -> Result<(ControlPort, Service), OpenError> {
     use RequestResponseOpenError as E;
     let name = instance.control();
     require_shared_memory(publisher_bytes(4 * CALLERS, size_of::<ReloadReply>()))?;
@@ -146,7 +147,8 @@ pub(crate) fn create(node: &Node<Ipc>, instance: &InstanceName) -> Result<Contro
         }
         std::thread::sleep(Duration::from_millis(10));
     };
-    service.server_builder().create().map_err(|error| failed(&name, error))
+    let port = service.server_builder().create().map_err(|error| failed(&name, error))?;
+    Ok((port, service))
 }
 
 /// The next call that waits.
@@ -216,9 +218,15 @@ pub fn request_reload(instance: &InstanceName, model: Option<&Path>, timeout: Du
 /// # Errors
 /// As [`request_reload`], but that a refusal is a reply like another.
 pub fn forward_reload(instance: &InstanceName, request: &ReloadRequest, timeout: Duration) -> Result<ReloadReply, ReloadError> {
-    let node = node::create("control", instance)?;
-    let service = open(&node, instance)?;
-    let client = service.client_builder().create().map_err(|error| failed(&instance.control(), error))?;
+    const ROLE: &str = "control";
+    let (_node, client) = channel::open_with_room(ROLE, instance, || {
+        let (node, _) = channel::join_daemon(ROLE, instance)?;
+        let client = open(&node, instance)?.client_builder().create().map_err(|error| match error {
+            ClientCreateError::ExceedsMaxSupportedClients => OpenError::Full { service: instance.control(), role: "caller" },
+            error => failed(&instance.control(), error),
+        })?;
+        Ok((node, client))
+    })?;
     let pending = client.send_copy(*request).map_err(|error| ReloadError::Failed(format!("{error:?}")))?;
     if pending.number_of_server_connections() == 0 {
         return Err(OpenError::NotRunning { instance: instance.clone() }.into());

@@ -14,7 +14,7 @@
 //!
 //! A process that was killed at a bad moment does not block the others: the empty segment that it may have left in /dev/shm, for which
 //! iceoryx2 0.10.0 would wait for ever (private module `orphans`), is removed when a role is opened, by `maintain`, before a client connects
-//! to a new peer (`peers`), and by a thread of the daemon (`sweeper`).
+//! to a new peer (`peers`), and by a thread of the daemon (`sweeper`). So is what iceoryx2 forgets of the dead (`remains`, `registered`).
 //!
 //! All `unsafe` is in one private module, `shared`.
 
@@ -39,7 +39,9 @@ mod picture;
 mod producer;
 mod quaternion;
 pub mod reconnect;
+mod registered;
 pub mod relay;
+mod remains;
 mod segments;
 mod server;
 mod shared;

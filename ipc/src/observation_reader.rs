@@ -31,10 +31,13 @@ impl ObservationReader {
     /// [`OpenError::NotRunning`] before the daemon runs, [`OpenError::Full`] if another recorder has the place; see [`OpenError`] for the
     /// rest.
     pub fn open(instance: &InstanceName) -> Result<Self, OpenError> {
-        let node = node::create("recorder", instance)?;
-        let service = channel::open_observation(&node, instance)?;
-        let observations = channel::create_reader(&service)?;
-        Ok(Self { observations, service, producers: Peers::default(), segments: Segments::default(), node })
+        const ROLE: &str = "recorder";
+        channel::open_with_room(ROLE, instance, || {
+            let (node, _) = channel::join_daemon(ROLE, instance)?;
+            let service = channel::open_observation(&node, instance)?;
+            let observations = channel::create_reader(&service)?;
+            Ok(Self { observations, service, producers: Peers::default(), segments: Segments::default(), node })
+        })
     }
 
     /// The next observation of any producer; those of one producer come in its order. At most [`channel::MAX_HELD_SAMPLES`] of one producer

@@ -79,6 +79,8 @@ impl PictureSender {
             return Ok(false);
         }
         let node = node::create("picture-sender", &self.instance)?;
+        // The place of a camera that was killed is needed now.
+        node::clean_up_and_wait(&node);
         let service = match channel::open_picture(&node, &self.instance) {
             Ok(service) => service,
             // Whoever looked has just gone.
@@ -86,8 +88,6 @@ impl PictureSender {
             Err(error) => return Err(error),
         };
         if service.dynamic_config().number_of_subscribers() == 0 {
-            // What a reader left that was killed.
-            node::clean_up(&node);
             return Ok(false);
         }
         self.outlet = Some(Outlet { segment: None, service, readers: Peers::default(), _node: node });
@@ -147,10 +147,13 @@ impl PictureReader {
     /// # Errors
     /// [`OpenError::Full`] if four look already; see [`OpenError`] for the rest.
     pub fn open(instance: &InstanceName) -> Result<Self, OpenError> {
-        let node = node::create("picture-reader", instance)?;
-        let service = channel::create_picture(&node, instance, &LIMITS)?;
-        let pictures = channel::create_reader(&service)?;
-        Ok(Self { pictures, service, producers: Peers::default(), segments: Segments::default(), node })
+        const ROLE: &str = "picture-reader";
+        channel::open_with_room(ROLE, instance, || {
+            let node = node::create(ROLE, instance)?;
+            let service = channel::create_picture(&node, instance, &LIMITS)?;
+            let pictures = channel::create_reader(&service)?;
+            Ok(Self { pictures, service, producers: Peers::default(), segments: Segments::default(), node })
+        })
     }
 
     /// The next picture of any camera.

@@ -21,6 +21,8 @@ use crate::node::{self, Ipc};
 use crate::peers::Peers;
 use crate::shared::with_old_content;
 
+const ROLE: &str = "producer";
+
 /// Writes observations of one size.
 ///
 /// Its segment has `readers × (buffer + 2) + 2` chunks of one grid each, where the daemon says how many readers (2) and how long a buffer
@@ -58,12 +60,12 @@ impl Producer {
 
     /// As [`Producer::open`], but under the template's `producer_id`, with `sent` observations already counted.
     pub(crate) fn open_as(instance: &InstanceName, template: &ObservationHeader, sent: u64) -> Result<Self, OpenError> {
+        channel::open_with_room(ROLE, instance, || Self::join(instance, template, sent))
+    }
+
+    fn join(instance: &InstanceName, template: &ObservationHeader, sent: u64) -> Result<Self, OpenError> {
         let voxels = voxel_count(template.dims).ok_or(OpenError::BadDims(template.dims))?;
-        let node = node::create("producer", instance)?;
-        let percept = channel::open_percept(&node, instance)?;
-        if !channel::daemon_runs(&percept) {
-            return Err(OpenError::NotRunning { instance: instance.clone() });
-        }
+        let (node, percept) = channel::join_daemon(ROLE, instance)?;
         let observation = channel::open_observation(&node, instance)?;
         let settings = observation.static_config();
         let chunks =

@@ -21,6 +21,7 @@ use crate::limits::{MAX_PRODUCERS, MAX_SUBSCRIBERS, voxel_count};
 use crate::memory::{MEMBER_BYTES, publisher_bytes, require_shared_memory};
 use crate::messages::{ABI_VERSION, CompletionHeader, ObservationHeader, Percept, Status};
 use crate::node::{self, Ipc};
+use crate::registered::{Registered, release_forgotten};
 use crate::segments::Segments;
 use crate::shared::copy_of;
 use crate::sweeper::Sweeper;
@@ -74,6 +75,8 @@ pub struct Server {
     observed: Listener<Ipc>,
     perceived: Notifier<Ipc>,
     control: ControlPort,
+    /// All but that of observations.
+    services: [Box<dyn Registered>; 6],
     completion_len: usize,
     daemon_id: u64,
     /// Percepts sent, or tried to send.
@@ -95,7 +98,8 @@ impl Server {
         let completion_len = 2 * voxels;
         let node = node::create("daemon", instance)?;
         let sweeper =
-            Sweeper::start(node::prefix()).map_err(|error| OpenError::Failed { what: "a thread".to_owned(), cause: error.to_string() })?;
+            Sweeper::start(node.config()).map_err(|error| OpenError::Failed { what: "a thread".to_owned(), cause: error.to_string() })?;
+        node::clean_up_and_wait(&node);
         match channel::open_percept(&node, instance) {
             Ok(running) if channel::daemon_runs(&running) => {
                 return Err(OpenError::AlreadyRunning { instance: instance.clone(), pid: channel::daemon_pid(&running) });
@@ -128,12 +132,12 @@ impl Server {
         let status = channel::create_status(&node, instance, &status_limits)?;
         let statuses = channel::create_publisher(&status, status_limits.chunks())?;
         let observation = channel::create_observation(&node, instance, &observation_limits)?;
-        let observed = channel::create_event(&node, &instance.observed(), options.producers, OBSERVATION_READERS, nodes)?;
-        let observed = channel::create_listener(&observed)?;
+        let observing = channel::create_event(&node, &instance.observed(), options.producers, OBSERVATION_READERS, nodes)?;
+        let observed = channel::create_listener(&observing)?;
         let observations = channel::create_reader(&observation)?;
-        let perceived = channel::create_event(&node, &instance.perceived(), 1, options.subscribers, nodes)?;
-        let perceived = channel::create_notifier(&perceived)?;
-        let control = control::create(&node, instance)?;
+        let perceiving = channel::create_event(&node, &instance.perceived(), 1, options.subscribers, nodes)?;
+        let perceived = channel::create_notifier(&perceiving)?;
+        let (control, controlling) = control::create(&node, instance)?;
         Ok(Self {
             percepts,
             completions,
@@ -144,6 +148,14 @@ impl Server {
             observed,
             perceived,
             control,
+            services: [
+                Box::new(percept),
+                Box::new(completion),
+                Box::new(status),
+                Box::new(observing),
+                Box::new(perceiving),
+                Box::new(controlling),
+            ],
             completion_len,
             daemon_id: unique_id(),
             answers: AtomicU64::new(0),
@@ -269,6 +281,9 @@ impl Server {
     pub fn maintain(&self) {
         if !node::clean_up(&self.node) {
             return;
+        }
+        for service in self.services.iter().map(|service| &**service).chain([&self.observation as &dyn Registered]) {
+            release_forgotten(service, self.node.config());
         }
         // Connecting to who came since takes room.
         if let Err(error) = require_shared_memory(MEMBER_BYTES) {

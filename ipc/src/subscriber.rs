@@ -20,6 +20,8 @@ use crate::node::{self, Ipc};
 use crate::peers::Peers;
 use crate::shared::{copy_of, descriptor_of};
 
+const ROLE: &str = "subscriber";
+
 /// The channels to subscribe to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SubscriberOptions {
@@ -63,11 +65,11 @@ impl Subscriber {
     /// # Errors
     /// [`OpenError::NotRunning`] before the daemon runs; see [`OpenError`] for the rest.
     pub fn open(instance: &InstanceName, options: &SubscriberOptions) -> Result<Self, OpenError> {
-        let node = node::create("subscriber", instance)?;
-        let service = channel::open_percept(&node, instance)?;
-        if !channel::daemon_runs(&service) {
-            return Err(OpenError::NotRunning { instance: instance.clone() });
-        }
+        channel::open_with_room(ROLE, instance, || Self::join(instance, options))
+    }
+
+    fn join(instance: &InstanceName, options: &SubscriberOptions) -> Result<Self, OpenError> {
+        let (node, service) = channel::join_daemon(ROLE, instance)?;
         // The listener first: no percept arrives between it and the readers without a wake-up.
         let perceived = channel::create_listener(&channel::open_event(&node, instance, &instance.perceived())?)?;
         let completions = match options.completion {

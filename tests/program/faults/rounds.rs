@@ -2,7 +2,7 @@
 
 use super::crowd::{Crowd, Fault, resources};
 use super::leftovers;
-use crate::harness::{PATIENCE, instance};
+use crate::harness::{PATIENCE, instance, serve};
 use rand::{RngExt, SeedableRng};
 use std::time::{Duration, Instant};
 
@@ -64,4 +64,13 @@ fn two_hundred_random_kills_leave_nothing_and_cost_the_survivors_nothing() {
         std::thread::sleep(Duration::from_millis(100));
     };
     println!("left by iceoryx2 of {} processes: {} small files {left:?}; all in {:?}", pids.len(), left.len(), start.elapsed());
+    // The next daemon, of whatever instance, removes these too.
+    let mut next = serve(&instance());
+    let waiting = Instant::now();
+    while !leftovers::of(&pids).is_empty() {
+        assert!(waiting.elapsed() < PATIENCE, "left behind: {:?}", leftovers::of(&pids));
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    next.signal(rustix::process::Signal::INT);
+    assert!(next.wait().success());
 }

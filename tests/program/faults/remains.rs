@@ -1,0 +1,71 @@
+//! What a cleaner that is killed leaves, and what iceoryx2 by itself never looks at again: the daemon's housekeeping finds it.
+
+use super::crowd::resources;
+use super::leftovers;
+use super::roles::{Actor, Role};
+use crate::harness::{PATIENCE, Running, instance, serve};
+use rustix::process::Signal;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// The folders of a process' nodes.
+fn folders(pid: u32) -> Vec<PathBuf> {
+    leftovers::of(&[pid]).into_iter().filter(|path| path.is_dir()).collect()
+}
+
+fn tags(pid: u32) -> Vec<PathBuf> {
+    let files = folders(pid).into_iter().flat_map(|folder| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()));
+    files.filter(|path| path.extension().is_some_and(|extension| extension == "port_tag")).collect()
+}
+
+/// Until it holds; the daemon goes on.
+fn eventually(what: &str, holds: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !holds() {
+        assert!(start.elapsed() < PATIENCE, "{what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+fn ports(daemon: &Running) -> (usize, usize) {
+    let (_, descriptors, segments) = resources(daemon.id());
+    (descriptors, segments)
+}
+
+#[test]
+fn ports_whose_tags_a_killed_cleaner_has_removed_give_their_places_back() {
+    let name = instance();
+    let daemon = serve(&name);
+    let before = ports(&daemon);
+    // So that it does not clean up before its time.
+    daemon.signal(Signal::STOP);
+    let mut killed: Vec<Actor> = (0..beo_ipc::limits::MAX_PRODUCERS).map(|_| Actor::start(Role::Opener, &name)).collect();
+    for actor in &mut killed {
+        actor.kill();
+        let tags = tags(actor.process.id());
+        assert_eq!(tags.len(), 2, "a publisher's and a notifier's: {tags:?}");
+        tags.iter().for_each(|tag| std::fs::remove_file(tag).unwrap());
+    }
+    daemon.signal(Signal::CONT);
+    let pids: Vec<u32> = killed.iter().map(|actor| actor.process.id()).collect();
+    eventually("nothing is left of the killed", || leftovers::of(&pids).is_empty());
+    eventually("the daemon lets go of their memory", || ports(&daemon) == before);
+    // All places were taken.
+    Actor::start(Role::Opener, &name).end();
+}
+
+#[test]
+fn a_node_whose_tag_was_being_made_is_removed() {
+    let name = instance();
+    let daemon = serve(&name);
+    daemon.signal(Signal::STOP);
+    let mut killed = Actor::start(Role::Opener, &name);
+    killed.kill();
+    let pid = killed.process.id();
+    for (folder, tag) in folders(pid).iter().flat_map(|folder| ["iox2_1.service_tag", "iox2_2.port_tag"].map(|tag| (folder, tag))) {
+        std::fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(folder.join(tag)).unwrap();
+    }
+    daemon.signal(Signal::CONT);
+    eventually("nothing is left of the killed", || leftovers::of(&[pid]).is_empty());
+}
