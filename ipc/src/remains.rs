@@ -6,7 +6,9 @@
 //!   ever ([`remove_half_made_tags`]);
 //! - a node of which only the folder, or only some files of its monitor, were there when its process was killed, or of which a killed
 //!   cleaner had removed some ([`Places::remove_forgotten`]);
-//! - segments and sockets of a port that was not registered yet: their node is cleaned up after, and they stay ([`Places::remove_forgotten`]).
+//! - segments and sockets of a port that was not registered yet: their node is cleaned up after, and they stay ([`Places::remove_forgotten`]);
+//! - the segment of a service whose description is gone: that of a service that was being made, which counts as damaged and is removed by
+//!   its description ([`Places::remove_forgotten`]).
 //!
 //! A port that stays registered although its node is gone is the matter of [`crate::registered`].
 
@@ -39,12 +41,16 @@ pub(crate) struct Places {
     nodes: PathBuf,
     /// Segments.
     shared: PathBuf,
+    /// Descriptions of services.
+    services: PathBuf,
     prefix: String,
     monitor: String,
     tags: [String; 2],
     port_tag: String,
     /// Extensions of what belongs to ports.
     ports: [String; 4],
+    /// Extension of the segments of services.
+    service_segment: String,
 }
 
 /// What there is of a node.
@@ -64,6 +70,7 @@ impl Places {
             root: global.root_path().to_string().into(),
             nodes: global.node_dir().to_string().into(),
             shared: SHARED_MEMORY_DIR.into(),
+            services: global.service_dir().to_string().into(),
             prefix: global.prefix.to_string(),
             monitor: node.monitor_suffix.to_string(),
             tags: [node.service_tag_suffix.to_string(), node.port_tag_suffix.to_string()],
@@ -74,6 +81,7 @@ impl Places {
                 service.event_connection_suffix.to_string(),
                 format!("{}_mgmt", service.event_connection_suffix),
             ],
+            service_segment: service.dynamic_config_storage_suffix.to_string(),
         }
     }
 
@@ -114,18 +122,18 @@ impl Places {
         }
     }
 
-    /// Removes what is left of nodes that iceoryx2 does not list, and of ports whose process has no node.
+    /// Removes what is left of nodes that iceoryx2 does not list, of ports whose process has no node, and of services without a description.
     ///
     /// Only what belongs to processes that are gone, and has been so for [`FORGOTTEN_AGE`]: a process in another process namespace, which
     /// looks as if it were gone, has a whole node.
     pub fn remove_forgotten(&self) {
-        // The files of ports first: who has them has a node by now.
-        let ports: Vec<(PathBuf, Vec<u32>)> = [&self.shared, &self.root]
+        // These first: whoever has a port has a node by now, and whoever made a segment for a service has described it before.
+        let old: Vec<(String, PathBuf)> = [&self.shared, &self.root]
             .into_iter()
             .flat_map(|place| entries(place))
-            .filter(|entry| self.is_of_port(&name_of(entry)))
+            .filter(|entry| name_of(entry).starts_with(&self.prefix))
             .filter(|entry| entry.metadata().is_ok_and(|status| is_ours(&status) && is_old(status.modified().ok())))
-            .map(|entry| (entry.path(), owners(&name_of(&entry))))
+            .map(|entry| (name_of(&entry), entry.path()))
             .collect();
         let nodes = self.find_nodes();
         for (node, found) in &nodes {
@@ -143,11 +151,23 @@ impl Places {
             }
         }
         let with_node: HashSet<u32> = nodes.keys().map(|node| process_of(*node)).collect();
-        for (path, owners) in ports {
-            if !owners.is_empty() && owners.iter().all(|owner| !with_node.contains(owner) && process_is_gone(*owner)) {
-                remove("what a port of a killed process left", &path);
+        for (name, path) in old.iter().filter(|(name, _)| self.ports.iter().any(|suffix| name.ends_with(suffix.as_str()))) {
+            let mut owners = ids(name).map(process_of).peekable();
+            if owners.peek().is_some() && owners.all(|owner| !with_node.contains(&owner) && process_is_gone(owner)) {
+                remove("what a port of a killed process left", path);
             }
         }
+        let mut described = None;
+        for (name, path) in old.iter().filter(|(name, _)| name.ends_with(&self.service_segment)) {
+            let Some(id) = ids(name).last().filter(|id| process_is_gone(process_of(*id))) else { continue };
+            if !described.get_or_insert_with(|| self.descriptions()).iter().any(|text| describes(text, id)) {
+                remove("the segment of a service that nobody can find", path);
+            }
+        }
+    }
+
+    fn descriptions(&self) -> Vec<String> {
+        entries(&self.services).into_iter().filter_map(|entry| std::fs::read_to_string(entry.path()).ok()).collect()
     }
 
     fn find_nodes(&self) -> BTreeMap<u128, Found> {
@@ -172,10 +192,6 @@ impl Places {
         nodes
     }
 
-    fn is_of_port(&self, name: &str) -> bool {
-        name.starts_with(&self.prefix) && self.ports.iter().any(|suffix| name.ends_with(suffix.as_str()))
-    }
-
     fn folder(&self, node: u128) -> PathBuf {
         self.nodes.join(node.to_string())
     }
@@ -196,9 +212,15 @@ fn process_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
 
-/// The processes of the ids in a name. Hashes are hexadecimal and have 40 digits; ids are decimal and have at most 39.
-fn owners(name: &str) -> Vec<u32> {
-    name.split(['_', '.']).filter(|part| part.len() > 20).filter_map(|part| part.parse().ok()).map(process_of).collect()
+/// The ids in a name. Hashes are hexadecimal and have 40 digits; ids are decimal and have at most 39.
+fn ids(name: &str) -> impl Iterator<Item = u128> {
+    name.split(['_', '.']).filter(|part| part.len() > 20).filter_map(|part| part.parse().ok())
+}
+
+/// Whether the description of a service (TOML) is that of the one with this id.
+fn describes(text: &str, id: u128) -> bool {
+    let says = |key: &str, half: u64| text.lines().any(|line| line == format!("{key} = {half}"));
+    says("payload_value", id as u64) && says("unique_value", (id >> 64) as u64)
 }
 
 fn entries(place: &Path) -> Vec<DirEntry> {
@@ -242,8 +264,9 @@ mod tests {
     impl Place {
         fn new(test: &str) -> Self {
             let at = std::env::temp_dir().join(format!("beo-ipc-remains-{test}-{}", std::process::id()));
-            let places = Places { root: at.clone(), nodes: at.join("nodes"), shared: at.join("shm"), ..Places::of(&crate::node::config()) };
-            [&places.nodes, &places.shared].into_iter().for_each(|place| std::fs::create_dir_all(place).unwrap());
+            let [nodes, shared, services] = ["nodes", "shm", "services"].map(|name| at.join(name));
+            [&nodes, &shared, &services].into_iter().for_each(|place| std::fs::create_dir_all(place).unwrap());
+            let places = Places { root: at.clone(), nodes, shared, services, ..Places::of(&crate::node::config()) };
             Self(places, at)
         }
 
@@ -334,14 +357,45 @@ mod tests {
             shared(&[id(here, 1)], ".data", 20),
             shared(&[id(cleaned, 1)], ".data", 20),
             shared(&[id(gone, 1), id(here, 2)], ".connection", 20),
-            // Others may have the service.
-            shared(&[id(gone, 5)], ".dynamic", 20),
             place.file(&place.0.shared.join("iox2_nothing.data"), 0o600, 20),
             place.file(&place.0.shared.join("other.data"), 0o600, 20),
         ];
         place.0.remove_forgotten();
         assert_eq!(goes.map(|path| path.exists()), [false; 4]);
-        assert_eq!(stays.map(|path| path.exists()), [true; 7]);
+        assert_eq!(stays.map(|path| path.exists()), [true; 6]);
+    }
+
+    #[test]
+    fn the_segment_of_a_service_goes_where_no_description_leads_to_it() {
+        let place = Place::new("services");
+        let (gone, here) = (ended(), std::process::id());
+        let segment = |id: u128, age_s| place.file(&place.0.shared.join(format!("iox2_112437a14a36c452_{id}.dynamic")), 0o600, age_s);
+        let describe = |id: u128| {
+            let text = format!("[unique_service_id]\npayload_value = {}\nunique_value = {}\n", id as u64, (id >> 64) as u64);
+            std::fs::write(place.0.services.join(format!("iox2_{id:x}.service")), text).unwrap();
+        };
+        describe(id(gone, 2));
+        let paths = [segment(id(gone, 1), 20), segment(id(gone, 2), 20), segment(id(gone, 3), 1), segment(id(here, 4), 20)];
+        place.0.remove_forgotten();
+        assert_eq!(paths.map(|path| path.exists()), [false, true, true, true]);
+    }
+
+    /// As iceoryx2 writes it, of a service of this process.
+    #[test]
+    fn descriptions_are_read_as_iceoryx2_writes_them() {
+        let instance = crate::InstanceName::new(&format!("remains-{}", std::process::id())).unwrap();
+        let node = crate::node::create("test", &instance).unwrap();
+        let _service = crate::channel::create_event(&node, &instance.observed(), 1, 1, 2).unwrap();
+        let places = Places::of(node.config());
+        let is_ours = |text: &&String| text.contains(&format!("service_name = \"{}\"", instance.observed()));
+        let descriptions = places.descriptions();
+        let text = descriptions.iter().find(is_ours).expect("it is described");
+        let segments =
+            entries(&places.shared).into_iter().map(|entry| name_of(&entry)).filter(|name| name.ends_with(&places.service_segment));
+        let of_this = |name: &String| ids(name).last().is_some_and(|id| describes(text, id));
+        let found: Vec<String> = segments.filter(of_this).collect();
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(process_of(ids(&found[0]).last().unwrap()), std::process::id());
     }
 
     #[test]
