@@ -12,7 +12,7 @@ use crate::grid::{Observation, Rotation, Similarity};
 use crate::lanes::{Kernel, LANES, dispatch, dot_of_blocks, widen_halves};
 use crate::model::{CameraDensities, Component, Forest, OFFSETS, SizeDensity, YAWS};
 use crate::perception::densities::log_sum::log_sum_exp;
-use crate::perception::densities::packed::PackedGaussian;
+use crate::perception::densities::packed::{PackedGaussian, log_volume};
 use half::f16;
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
@@ -106,6 +106,8 @@ pub struct CameraFeatures {
 pub struct CameraScores {
     features: CameraFeatures,
     densities: Arc<CameraDensities>,
+    /// Of each density of features.
+    log_volumes: Vec<f64>,
 }
 
 /// The shadow of the visible part in a frame, and the image to find it.
@@ -154,7 +156,9 @@ impl CameraFeatures {
 impl CameraScores {
     /// Prepares densities.
     pub fn new(densities: Arc<CameraDensities>) -> Self {
-        Self { features: CameraFeatures::new(&densities.basis, densities.size), densities }
+        let (p, features) = (densities.size, CameraFeatures::new(&densities.basis, densities.size));
+        let log_volumes = densities.whitening.chunks_exact(p * (p + 1) / 2).map(|root| log_volume(p, root)).collect();
+        Self { features, densities, log_volumes }
     }
 
     /// The model's forest, if it has one.
@@ -225,7 +229,8 @@ impl CameraScores {
                 };
                 for (elevation, share) in elevations.into_iter().filter(|(_, share)| *share > 0.0) {
                     let place = densities.place(elevation, step, component, m);
-                    gaussian.load(&densities.means[place * p..][..p], &densities.whitening[place * triangle..][..triangle]);
+                    let (mean, root) = (&densities.means[place * p..][..p], &densities.whitening[place * triangle..][..triangle]);
+                    gaussian.load(mean, root, self.log_volumes[place]);
                     widen_halves(&densities.regression[place * OFFSETS * p..][..OFFSETS * p], regression);
                     gaussian.centre(features, centred);
                     let regressed = dispatch(Regressed { rows: regression, stride: p, centred });
@@ -233,7 +238,7 @@ impl CameraScores {
                     let offsets: [f64; OFFSETS] = std::array::from_fn(offset);
                     let deviations: [f64; OFFSETS] = std::array::from_fn(|j| f64::from(densities.deviations[place * OFFSETS + j]));
                     let log_told = told.log_density(rest, &offsets, &deviations);
-                    cell.add(share.ln() + gaussian.log_density(&centred[..p]) + log_told, &offsets, &deviations);
+                    cell.add(share.ln() + gaussian.log_density(centred) + log_told, &offsets, &deviations);
                 }
                 cells.push(cell);
             }

@@ -1,7 +1,7 @@
 //! A Gaussian whose square-root information lies in the model file as a packed lower triangle in half precision: one of many small ones, read
 //! when it is needed.
 
-use crate::lanes::{Kernel, LANES, dispatch, dot_of_blocks, multiply_add, widen_halves};
+use crate::lanes::{Kernel, LANES, dispatch, multiply_add, single, sum, widen_halves};
 use half::f16;
 
 /// Values on a diagonal whose product stays far from the ends of double precision, however near they are to those of half precision.
@@ -13,29 +13,32 @@ pub struct PackedGaussian {
     mean: Vec<f32>,
     /// Rows of L⁻¹, lower triangle: row i has i + 1 values; and room for a block of lanes.
     root: Vec<f32>,
-    /// As much of a centred point as a row has values, and zeros.
-    point: Vec<f32>,
-    /// log |L⁻¹| = −½ log |S|.
+    /// See [`log_volume`].
     log_volume: f64,
 }
 
+/// log |L⁻¹| = −½ log |S| of p features, from the p (p + 1) / 2 values of L⁻¹.
+pub fn log_volume(features: usize, root: &[f16]) -> f64 {
+    let (mut last, mut log_volume) = (0, 0.0);
+    for start in (0..features).step_by(MULTIPLIED) {
+        let mut product = 1.0;
+        for i in start..(start + MULTIPLIED).min(features) {
+            product *= f64::from(single(root[last]));
+            last += i + 2;
+        }
+        log_volume += product.ln();
+    }
+    log_volume
+}
+
 impl PackedGaussian {
-    /// Takes in a Gaussian of p features: its mean, p values, and L⁻¹, p (p + 1) / 2 values.
-    pub fn load(&mut self, mean: &[f16], root: &[f16]) {
+    /// Takes in a Gaussian of p features: its mean, p values, L⁻¹, p (p + 1) / 2 values, and its [`log_volume`].
+    pub fn load(&mut self, mean: &[f16], root: &[f16], log_volume: f64) {
         self.mean.resize(mean.len(), 0.0);
         self.root.resize(root.len() + LANES, 0.0);
         widen_halves(mean, &mut self.mean);
         widen_halves(root, &mut self.root);
-        let mut last = 0;
-        self.log_volume = 0.0;
-        for start in (0..mean.len()).step_by(MULTIPLIED) {
-            let mut product = 1.0;
-            for i in start..(start + MULTIPLIED).min(mean.len()) {
-                product *= f64::from(self.root[last]);
-                last += i + 2;
-            }
-            self.log_volume += product.ln();
-        }
+        self.log_volume = log_volume;
     }
 
     /// z − mean, into `centred` (p values each).
@@ -46,9 +49,9 @@ impl PackedGaussian {
     }
 
     /// log N(z; mean, S) of a centred point, without the constant of the number of features.
-    pub fn log_density(&mut self, centred: &[f32]) -> f64 {
-        self.point.clear();
-        self.point.resize(self.mean.len().next_multiple_of(LANES), 0.0);
+    ///
+    /// `centred` has whole blocks of lanes, of which those beyond the features are not looked at.
+    pub fn log_density(&self, centred: &[f32]) -> f64 {
         dispatch(LogDensity { gaussian: self, centred })
     }
 
@@ -61,7 +64,7 @@ impl PackedGaussian {
 
 /// See [`PackedGaussian::log_density`].
 struct LogDensity<'a> {
-    gaussian: &'a mut PackedGaussian,
+    gaussian: &'a PackedGaussian,
     centred: &'a [f32],
 }
 
@@ -70,12 +73,24 @@ impl Kernel for LogDensity<'_> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(self) -> f64 {
-        let PackedGaussian { root, point, log_volume, .. } = self.gaussian;
+        let PackedGaussian { mean, root, log_volume } = self.gaussian;
+        let blocks = self.centred.as_chunks::<LANES>().0;
         let (mut squared_distance, mut rest) = (0.0, &root[..]);
-        for (i, value) in self.centred.iter().enumerate() {
-            // Beyond its own values a row's block holds those of the next, which zeros meet.
-            point[i] = *value;
-            squared_distance += f64::from(dot_of_blocks::<FUSED>(rest, point, i / LANES + 1)).powi(2);
+        for i in 0..mean.len() {
+            let (row, mut sums) = (rest.as_chunks::<LANES>().0, [0.0_f32; LANES]);
+            let (whole, own) = (i / LANES, i % LANES);
+            for (row, point) in row.iter().zip(blocks).take(whole) {
+                for l in 0..LANES {
+                    sums[l] = multiply_add::<FUSED>(row[l], point[l], sums[l]);
+                }
+            }
+            // Beyond its own values a row's last block holds those of the next.
+            let (row, point) = (&row[whole], &blocks[whole]);
+            for l in 0..LANES {
+                let value = if l <= own { row[l] } else { 0.0 };
+                sums[l] = multiply_add::<FUSED>(value, point[l], sums[l]);
+            }
+            squared_distance += f64::from(sum(&sums)).powi(2);
             rest = &rest[i + 1..];
         }
         *log_volume - 0.5 * squared_distance
@@ -129,11 +144,12 @@ mod tests {
     fn scores_are_log_densities_of_the_dense_gaussian() {
         let half = |values: &[f32]| -> Vec<f16> { values.iter().map(|v| f16::from_f32(*v)).collect() };
         let mut gaussian = PackedGaussian::default();
-        gaussian.load(&half(&[9.0, 9.0, 9.0]), &half(&[1.0; 6]));
-        gaussian.load(&half(&[1.0, -0.5]), &half(&[0.5, -0.5, 1.0]));
+        gaussian.load(&half(&[9.0, 9.0, 9.0]), &half(&[1.0; 6]), 3.0);
+        let root = half(&[0.5, -0.5, 1.0]);
+        gaussian.load(&half(&[1.0, -0.5]), &root, log_volume(2, &root));
         // S = [[4, 2], [2, 2]], |S| = 4, S⁻¹ = [[0.5, −0.5], [−0.5, 1]], centred (−0.7, −0.5)
         let expected = -0.5 * (4.0_f64.ln() + 0.5 * 0.49 - 0.35 + 0.25);
-        let mut centred = [0.0; 2];
+        let mut centred = [9.0; LANES];
         gaussian.centre(&[0.3, -1.0], &mut centred);
         let found = gaussian.log_density(&centred);
         assert!((found - expected).abs() < 1e-6, "{found} {expected}");

@@ -6,7 +6,7 @@ use super::viewpoint::{self, TURNS};
 use crate::grid::{Dims, HeightMap, Rotation, yaw};
 use crate::lanes::{dot, widen_halves};
 use crate::model::{DIRECTIONS, ViewDensities};
-use crate::perception::densities::packed::PackedGaussian;
+use crate::perception::densities::packed::{PackedGaussian, log_volume};
 use crate::perception::pool::Pool;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -96,11 +96,16 @@ impl ViewScores {
         scores.par_chunks_exact_mut(m * TURNS).enumerate().for_each(|(direction, scores)| {
             pool.with(make, |ViewScratch { gaussian, centred_points, .. }| {
                 for (class, scores) in scores.chunks_exact_mut(TURNS).enumerate().filter(|(class, _)| wanted[*class]) {
-                    gaussian.load(self.densities.mean(direction, class, m), self.densities.whitening(direction, class, m));
+                    self.load(direction, class, m, gaussian);
                     scores.copy_from_slice(&gaussian.log_densities(by_feature, centred_points));
                 }
             });
         });
+    }
+
+    fn load(&self, direction: usize, class: usize, classes: usize, gaussian: &mut PackedGaussian) {
+        let root = self.densities.whitening(direction, class, classes);
+        gaussian.load(self.densities.mean(direction, class, classes), root, log_volume(self.features.size(), root));
     }
 
     /// Score of a class at any rotation, by the density of the nearest direction.
@@ -111,7 +116,7 @@ impl ViewScores {
         turned.set_turned(map, -turn);
         self.features.project(turned, features);
         let m = self.densities.classes();
-        gaussian.load(self.densities.mean(direction, class, m), self.densities.whitening(direction, class, m));
+        self.load(direction, class, m, gaussian);
         points.clear();
         points.extend(features.iter().map(|z| [*z; TURNS]));
         f64::from(gaussian.log_densities(points, centred_points)[0])
