@@ -10,8 +10,7 @@ use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::port::{DegradationAction, DegradationCause, DegradationInfo};
 use iceoryx2::prelude::{
-    AllocationStrategy, AttributeSet, AttributeSpecifier, CallbackProgression, IceoryxSend, MessagingPattern, Node, PortFactory as _,
-    Service as _, ZeroCopySend,
+    AllocationStrategy, AttributeSet, AttributeSpecifier, IceoryxSend, MessagingPattern, Node, PortFactory as _, Service as _, ZeroCopySend,
 };
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
 use iceoryx2::service::builder::publish_subscribe::{Builder, PublishSubscribeCreateError, PublishSubscribeOpenError};
@@ -21,8 +20,7 @@ use crate::InstanceName;
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::layout::Layout;
 use crate::messages::{ABI_VERSION, CompletionHeader, Hypothesis, ObservationHeader, Percept, PictureHeader, Status};
-use crate::node::{self, Ipc, service_name};
-use crate::remains::process_is_gone;
+use crate::node::{Ipc, service_name};
 
 pub(crate) type ObservationService = publish_subscribe::PortFactory<Ipc, [u8], ObservationHeader>;
 pub(crate) type PerceptService = publish_subscribe::PortFactory<Ipc, Percept, ()>;
@@ -419,55 +417,6 @@ where
     }
     drop(touched);
     Ok(publisher)
-}
-
-/// The process of the daemon that publishes percepts, if there is one: the first word of who serves the instance.
-pub(crate) fn daemon_pid(service: &PerceptService) -> Option<u32> {
-    let mut pid = None;
-    service.dynamic_config().list_publishers(|publisher| {
-        pid = publisher.node_id.pid::<Ipc>().ok().and_then(|pid| u32::try_from(pid.value()).ok());
-        CallbackProgression::Stop
-    });
-    pid
-}
-
-/// Whether a daemon publishes percepts. One that was killed counts until someone has cleaned up after it.
-pub(crate) fn daemon_runs(service: &PerceptService) -> bool {
-    service.dynamic_config().number_of_publishers() > 0
-}
-
-/// Whether the process of the daemon that publishes percepts is gone without having cleaned up. A daemon in another process namespace can
-/// be taken for gone: to be used only to decide when to look closely.
-pub(crate) fn daemon_seems_dead(service: &PerceptService) -> bool {
-    daemon_pid(service).is_some_and(process_is_gone)
-}
-
-/// A client's node, and the percepts of the running daemon. Where that one was killed, it cleans up after it.
-pub(crate) fn join_daemon(role: &str, instance: &InstanceName) -> Result<(Node<Ipc>, PerceptService), OpenError> {
-    let node = node::create(role, instance)?;
-    let mut service = open_percept(&node, instance)?;
-    if daemon_runs(&service) && daemon_seems_dead(&service) {
-        // The cleaning removes a service that nobody else has.
-        drop(service);
-        node::clean_up_and_wait(&node);
-        service = open_percept(&node, instance)?;
-    }
-    if daemon_runs(&service) { Ok((node, service)) } else { Err(OpenError::NotRunning { instance: instance.clone() }) }
-}
-
-/// Opens a role; where all places are taken, once more after a cleaning up: killed processes may have them.
-pub(crate) fn open_with_room<Role>(
-    role: &str,
-    instance: &InstanceName,
-    open: impl Fn() -> Result<Role, OpenError>,
-) -> Result<Role, OpenError> {
-    match open() {
-        Err(OpenError::Full { .. }) => {
-            node::clean_up_and_wait(&node::create(role, instance)?);
-            open()
-        }
-        result => result,
-    }
 }
 
 /// Whether the services of an instance exist: cheaper than trying to open them.

@@ -13,8 +13,9 @@ use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response;
 
 use crate::InstanceName;
-use crate::channel::{self, LAYOUT_ATTRIBUTE, PATIENCE, check_layout, failed, receive_error};
+use crate::channel::{LAYOUT_ATTRIBUTE, PATIENCE, check_layout, failed, receive_error};
 use crate::error::{OpenError, ReceiveError};
+use crate::joining;
 use crate::layout::{Layout, layout};
 use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::ABI_VERSION;
@@ -219,8 +220,8 @@ pub fn request_reload(instance: &InstanceName, model: Option<&Path>, timeout: Du
 /// As [`request_reload`], but that a refusal is a reply like another.
 pub fn forward_reload(instance: &InstanceName, request: &ReloadRequest, timeout: Duration) -> Result<ReloadReply, ReloadError> {
     const ROLE: &str = "control";
-    let (_node, client) = channel::open_with_room(ROLE, instance, || {
-        let (node, _) = channel::join_daemon(ROLE, instance)?;
+    let (_node, client) = joining::open_with_room(ROLE, instance, || {
+        let (node, _) = joining::join_daemon(ROLE, instance)?;
         let client = open(&node, instance)?.client_builder().create().map_err(|error| match error {
             ClientCreateError::ExceedsMaxSupportedClients => OpenError::Full { service: instance.control(), role: "caller" },
             error => failed(&instance.control(), error),

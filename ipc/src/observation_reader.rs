@@ -6,6 +6,7 @@ use iceoryx2::prelude::Node;
 use crate::InstanceName;
 use crate::channel::{self, ObservationService};
 use crate::error::{OpenError, ReceiveError};
+use crate::joining;
 use crate::messages::ObservationHeader;
 use crate::node::{self, Ipc};
 use crate::peers::Peers;
@@ -32,8 +33,8 @@ impl ObservationReader {
     /// rest.
     pub fn open(instance: &InstanceName) -> Result<Self, OpenError> {
         const ROLE: &str = "recorder";
-        channel::open_with_room(ROLE, instance, || {
-            let (node, _) = channel::join_daemon(ROLE, instance)?;
+        joining::open_with_room(ROLE, instance, || {
+            let (node, _) = joining::join_daemon(ROLE, instance)?;
             let service = channel::open_observation(&node, instance)?;
             let observations = channel::create_reader(&service)?;
             Ok(Self { observations, service, producers: Peers::default(), segments: Segments::default(), node })

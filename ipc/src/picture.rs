@@ -14,6 +14,7 @@ use crate::InstanceName;
 use crate::channel::{self, Limits, PictureService};
 use crate::clock::monotonic_ns;
 use crate::error::{OpenError, ReceiveError, SendError};
+use crate::joining;
 use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::{ABI_VERSION, PictureHeader};
 use crate::node::{self, Ipc};
@@ -148,7 +149,7 @@ impl PictureReader {
     /// [`OpenError::Full`] if four look already; see [`OpenError`] for the rest.
     pub fn open(instance: &InstanceName) -> Result<Self, OpenError> {
         const ROLE: &str = "picture-reader";
-        channel::open_with_room(ROLE, instance, || {
+        joining::open_with_room(ROLE, instance, || {
             let node = node::create(ROLE, instance)?;
             let service = channel::create_picture(&node, instance, &LIMITS)?;
             let pictures = channel::create_reader(&service)?;

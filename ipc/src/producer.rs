@@ -14,6 +14,7 @@ use crate::channel::{self, LOANS, ObservationService, PerceptService};
 use crate::clock::monotonic_ns;
 use crate::error::{LoanError, OpenError, SendError, retry_within};
 use crate::identity::unique_id;
+use crate::joining;
 use crate::limits::voxel_count;
 use crate::memory::{publisher_bytes, require_shared_memory};
 use crate::messages::ObservationHeader;
@@ -60,12 +61,12 @@ impl Producer {
 
     /// As [`Producer::open`], but under the template's `producer_id`, with `sent` observations already counted.
     pub(crate) fn open_as(instance: &InstanceName, template: &ObservationHeader, sent: u64) -> Result<Self, OpenError> {
-        channel::open_with_room(ROLE, instance, || Self::join(instance, template, sent))
+        joining::open_with_room(ROLE, instance, || Self::join(instance, template, sent))
     }
 
     fn join(instance: &InstanceName, template: &ObservationHeader, sent: u64) -> Result<Self, OpenError> {
         let voxels = voxel_count(template.dims).ok_or(OpenError::BadDims(template.dims))?;
-        let (node, percept) = channel::join_daemon(ROLE, instance)?;
+        let (node, percept) = joining::join_daemon(ROLE, instance)?;
         let observation = channel::open_observation(&node, instance)?;
         let settings = observation.static_config();
         let chunks =
@@ -108,12 +109,12 @@ impl Producer {
 
     /// Whether a daemon is there to read. One that was killed counts until someone has cleaned up after it: see [`Producer::maintain`].
     pub fn daemon_runs(&self) -> bool {
-        channel::daemon_runs(&self.percept)
+        joining::daemon_runs(&self.percept)
     }
 
     /// Whether the daemon's process is gone without having said so.
     pub(crate) fn daemon_seems_dead(&self) -> bool {
-        channel::daemon_seems_dead(&self.percept)
+        joining::daemon_seems_dead(&self.percept)
     }
 
     /// Memory for one grid, to be written in place. Its header is the template with `capture_ns` set to now.

@@ -17,6 +17,7 @@ use crate::clock::monotonic_ns;
 use crate::control::{self, ControlPort, ReloadCall};
 use crate::error::{LoanError, OpenError, ReceiveError, SendError, WaitError};
 use crate::identity::unique_id;
+use crate::joining;
 use crate::limits::{MAX_PRODUCERS, MAX_SUBSCRIBERS, voxel_count};
 use crate::memory::{MEMBER_BYTES, publisher_bytes, require_shared_memory};
 use crate::messages::{ABI_VERSION, CompletionHeader, ObservationHeader, Percept, Status};
@@ -101,8 +102,8 @@ impl Server {
             Sweeper::start(node.config()).map_err(|error| OpenError::Failed { what: "a thread".to_owned(), cause: error.to_string() })?;
         node::clean_up_and_wait(&node);
         match channel::open_percept(&node, instance) {
-            Ok(running) if channel::daemon_runs(&running) => {
-                return Err(OpenError::AlreadyRunning { instance: instance.clone(), pid: channel::daemon_pid(&running) });
+            Ok(running) if joining::daemon_runs(&running) => {
+                return Err(OpenError::AlreadyRunning { instance: instance.clone(), pid: joining::daemon_pid(&running) });
             }
             Ok(_) | Err(OpenError::NotRunning { .. }) => {}
             Err(error) => return Err(error),
@@ -124,7 +125,7 @@ impl Server {
 
         let percept = channel::create_percept(&node, instance, &percept_limits)?;
         let percepts = channel::create_publisher(&percept, percept_limits.chunks()).map_err(|error| match error {
-            OpenError::Full { .. } => OpenError::AlreadyRunning { instance: instance.clone(), pid: channel::daemon_pid(&percept) },
+            OpenError::Full { .. } => OpenError::AlreadyRunning { instance: instance.clone(), pid: joining::daemon_pid(&percept) },
             error => error,
         })?;
         let completion = channel::create_completion(&node, instance, &completion_limits)?;

@@ -14,6 +14,7 @@ use crate::InstanceName;
 use crate::channel::{self, CompletionService, PerceptService, StatusService, Woken};
 use crate::error::{OpenError, ReceiveError, WaitError, retry_within};
 use crate::gaps::Gaps;
+use crate::joining;
 use crate::limits::voxel_count;
 use crate::messages::{CompletionHeader, Percept, Status};
 use crate::node::{self, Ipc};
@@ -65,11 +66,11 @@ impl Subscriber {
     /// # Errors
     /// [`OpenError::NotRunning`] before the daemon runs; see [`OpenError`] for the rest.
     pub fn open(instance: &InstanceName, options: &SubscriberOptions) -> Result<Self, OpenError> {
-        channel::open_with_room(ROLE, instance, || Self::join(instance, options))
+        joining::open_with_room(ROLE, instance, || Self::join(instance, options))
     }
 
     fn join(instance: &InstanceName, options: &SubscriberOptions) -> Result<Self, OpenError> {
-        let (node, service) = channel::join_daemon(ROLE, instance)?;
+        let (node, service) = joining::join_daemon(ROLE, instance)?;
         // The listener first: no percept arrives between it and the readers without a wake-up.
         let perceived = channel::create_listener(&channel::open_event(&node, instance, &instance.perceived())?)?;
         let completions = match options.completion {
@@ -97,12 +98,12 @@ impl Subscriber {
 
     /// Whether a daemon is there. One that was killed counts until someone has cleaned up after it: see [`Subscriber::maintain`].
     pub fn daemon_runs(&self) -> bool {
-        channel::daemon_runs(&self.service)
+        joining::daemon_runs(&self.service)
     }
 
     /// The daemon's process, if there is one and its name says so.
     pub fn daemon_pid(&self) -> Option<u32> {
-        channel::daemon_pid(&self.service)
+        joining::daemon_pid(&self.service)
     }
 
     /// Waits until the daemon has sent something, at most `timeout`: true if it has, false otherwise or when a signal interrupted. Take
