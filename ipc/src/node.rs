@@ -25,7 +25,7 @@ const LONGEST_CLEANING: Duration = Duration::from_millis(500);
 /// programs find the services.
 ///
 /// Given explicitly because iceoryx2 would otherwise read a file that depends on the working directory. Nodes do not clean up after dead
-/// ones by themselves when they are made and dropped, and neither does the opening of a service: [`clean_up`] does, after a look at what
+/// ones by themselves when they are made and dropped, and neither does the opening of a service: `maintain` does, after a look at what
 /// would block it.
 pub fn config() -> Config {
     let mut config = Config::default();
