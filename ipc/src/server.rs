@@ -297,6 +297,13 @@ impl Server {
     }
 }
 
+impl Drop for Server {
+    /// Who died since the last housekeeping would keep the services from being removed, and there may be nobody after this.
+    fn drop(&mut self) {
+        node::clean_up(&self.node);
+    }
+}
+
 /// As many chunks as the worst case needs, or as many as the budget allows where that is less.
 fn completion_chunks(worst_case: usize, len: usize) -> usize {
     worst_case.min((COMPLETION_BUDGET / len).max(MIN_COMPLETION_CHUNKS))

@@ -42,10 +42,11 @@ fn ports_whose_tags_a_killed_cleaner_has_removed_give_their_places_back() {
     daemon.signal(Signal::STOP);
     let mut killed: Vec<Actor> = (0..beo_ipc::limits::MAX_PRODUCERS).map(|_| Actor::start(Role::Opener, &name)).collect();
     for actor in &mut killed {
-        actor.kill();
+        // While it lives: other daemons of the machine clean up after whoever is dead.
         let tags = tags(actor.process.id());
         assert_eq!(tags.len(), 2, "a publisher's and a notifier's: {tags:?}");
         tags.iter().for_each(|tag| std::fs::remove_file(tag).unwrap());
+        actor.kill();
     }
     daemon.signal(Signal::CONT);
     let pids: Vec<u32> = killed.iter().map(|actor| actor.process.id()).collect();
@@ -61,11 +62,26 @@ fn a_node_whose_tag_was_being_made_is_removed() {
     let daemon = serve(&name);
     daemon.signal(Signal::STOP);
     let mut killed = Actor::start(Role::Opener, &name);
-    killed.kill();
     let pid = killed.process.id();
     for (folder, tag) in folders(pid).iter().flat_map(|folder| ["iox2_1.service_tag", "iox2_2.port_tag"].map(|tag| (folder, tag))) {
         std::fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(folder.join(tag)).unwrap();
     }
+    killed.kill();
     daemon.signal(Signal::CONT);
     eventually("nothing is left of the killed", || leftovers::of(&[pid]).is_empty());
+}
+
+#[test]
+fn a_daemon_that_ends_in_order_leaves_nothing_of_who_died_just_before() {
+    let name = instance();
+    let mut daemon = serve(&name);
+    daemon.signal(Signal::STOP);
+    let mut killed = Actor::start(Role::Idler, &name);
+    killed.kill();
+    // Before its next housekeeping.
+    daemon.signal(Signal::INT);
+    daemon.signal(Signal::CONT);
+    assert!(daemon.wait().success());
+    let pids = [killed.process.id(), daemon.id()];
+    eventually("nothing is left of both", || leftovers::of(&pids).is_empty());
 }
