@@ -83,9 +83,12 @@ fn finding(entry: &DirEntry, user: u32, now: SystemTime) -> Finding {
     if !status.is_file() || status.len() != 0 || status.uid() != user {
         return Finding::Harmless;
     }
-    // A file from the future was made before the clock was put back.
-    let age = status.modified().map(|made| now.duration_since(made).unwrap_or_else(|error| error.duration()));
-    if age.is_ok_and(|age| age < ORPHAN_AGE) { Finding::Young } else { Finding::Orphan }
+    if status.modified().is_ok_and(|made| age(made, now) < ORPHAN_AGE) { Finding::Young } else { Finding::Orphan }
+}
+
+/// How old what was made or changed then is now. A file from the future was made before the clock was put back.
+pub(crate) fn age(made: SystemTime, now: SystemTime) -> Duration {
+    now.duration_since(made).unwrap_or_else(|error| error.duration())
 }
 
 fn remove_file(path: &Path) -> bool {

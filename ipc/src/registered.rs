@@ -25,8 +25,7 @@ pub(crate) trait Registered: Debug + Send + Sync {
 }
 
 /// Takes the ports out of `service` whose node is gone.
-pub(crate) fn release_forgotten(service: &dyn Registered, config: &Config) {
-    let places = Places::of(config);
+pub(crate) fn release_forgotten(service: &dyn Registered, config: &Config, places: &Places) {
     let suspects: Vec<_> = service.ports().into_iter().filter(|(node, _)| !places.is_monitored(node.value())).collect();
     if suspects.is_empty() {
         return;

@@ -3,7 +3,7 @@
 //! It makes a file with no right to read it, or with the right to write it, and takes that right away when the file is whole; what is not
 //! whole it does not list, and so does not remove:
 //! - the tag of a service or of a port, in the folder of its node: the folder cannot be removed, and everybody who cleans up tries again for
-//!   ever ([`remove_half_made_tags`]);
+//!   ever ([`Places::remove_half_made_tags`]);
 //! - a node of which only the folder, or only some files of its monitor, were there when its process was killed, or of which a killed
 //!   cleaner had removed some ([`Places::remove_forgotten`]);
 //! - segments and sockets of a port that was not registered yet: their node is cleaned up after, and they stay ([`Places::remove_forgotten`]);
@@ -22,6 +22,7 @@ use std::time::{Duration, SystemTime};
 use iceoryx2::prelude::Config;
 
 use crate::memory::SHARED_MEMORY_DIR;
+use crate::orphans::age;
 
 /// A living process needs milliseconds from the first to the last file of a node.
 const FORGOTTEN_AGE: Duration = Duration::from_secs(10);
@@ -45,7 +46,7 @@ pub(crate) struct Places {
     services: PathBuf,
     prefix: String,
     monitor: String,
-    tags: [String; 2],
+    service_tag: String,
     port_tag: String,
     /// Extensions of what belongs to ports.
     ports: [String; 4],
@@ -73,7 +74,7 @@ impl Places {
             services: global.service_dir().to_string().into(),
             prefix: global.prefix.to_string(),
             monitor: node.monitor_suffix.to_string(),
-            tags: [node.service_tag_suffix.to_string(), node.port_tag_suffix.to_string()],
+            service_tag: node.service_tag_suffix.to_string(),
             port_tag: node.port_tag_suffix.to_string(),
             ports: [
                 service.data_segment_suffix.to_string(),
@@ -94,7 +95,7 @@ impl Places {
     pub fn remove_half_made_tags(&self, node: u128) {
         for entry in entries(&self.folder(node)) {
             let name = name_of(&entry);
-            let is_tag = self.tags.iter().any(|suffix| name.ends_with(suffix.as_str()));
+            let is_tag = name.ends_with(&self.service_tag) || name.ends_with(&self.port_tag);
             // The owner's right to write goes when the tag is whole.
             if is_tag && entry.metadata().is_ok_and(|status| status.mode() & 0o200 != 0) {
                 remove("the half-made tag of a killed process", &entry.path());
@@ -237,8 +238,7 @@ fn is_ours(status: &Metadata) -> bool {
 
 /// Of a time that the file system tells; none is no age at all.
 fn is_old(changed: Option<SystemTime>) -> bool {
-    // What comes from the future was made before the clock was put back.
-    changed.is_some_and(|changed| SystemTime::now().duration_since(changed).map_or(true, |age| age >= FORGOTTEN_AGE))
+    changed.is_some_and(|changed| age(changed, SystemTime::now()) >= FORGOTTEN_AGE)
 }
 
 fn remove(what: &str, path: &Path) {

@@ -23,6 +23,7 @@ use crate::memory::{MEMBER_BYTES, publisher_bytes, require_shared_memory};
 use crate::messages::{ABI_VERSION, CompletionHeader, ObservationHeader, Percept, Status};
 use crate::node::{self, Ipc};
 use crate::registered::{Registered, release_forgotten};
+use crate::remains::Places;
 use crate::segments::Segments;
 use crate::shared::copy_of;
 use crate::sweeper::Sweeper;
@@ -283,8 +284,9 @@ impl Server {
         if !node::clean_up(&self.node) {
             return;
         }
+        let places = Places::of(self.node.config());
         for service in self.services.iter().map(|service| &**service).chain([&self.observation as &dyn Registered]) {
-            release_forgotten(service, self.node.config());
+            release_forgotten(service, self.node.config(), &places);
         }
         // Connecting to who came since takes room.
         if let Err(error) = require_shared_memory(MEMBER_BYTES) {
