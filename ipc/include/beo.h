@@ -524,8 +524,8 @@ typedef struct beo_percept {
      */
     float none_probability;
     /**
-     * How well the object fits its class: the share of the class's held-out shapes that fit no better, 0 to 1; `BEO_NOT_COMPUTED` where the
-     * model cannot say.
+     * How well the object fits its class: the share of the seen surface, 0 to 1, that lies within a voxel of what the class makes of it. It is
+     * small for most things of no class. `BEO_NOT_COMPUTED` where it was not computed.
      */
     float fit;
     /**

@@ -256,8 +256,8 @@ pub struct Percept {
     /// Probability that the object is of none of the model's classes, 0 to 1; [`NOT_COMPUTED`] where the model cannot say. `posterior` is
     /// that of the classes given that it is of one of them.
     pub none_probability: f32,
-    /// How well the object fits its class: the share of the class's held-out shapes that fit no better, 0 to 1; [`NOT_COMPUTED`] where the
-    /// model cannot say.
+    /// How well the object fits its class: the share of the seen surface, 0 to 1, that lies within a voxel of what the class makes of it. It is
+    /// small for most things of no class. [`NOT_COMPUTED`] where it was not computed.
     pub fit: f32,
     /// Which of the resting poses of `class_index` the first hypothesis has, a number of the model's list; [`NO_RESTING_POSE`] if they
     /// were not searched.

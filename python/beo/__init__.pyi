@@ -35,7 +35,8 @@ class Percept:
     @property
     def none_probability(self) -> Optional[float]: ...
     @property
-    def fit(self) -> Optional[float]: ...
+    def fit(self) -> Optional[float]:
+        """Share of the seen surface within a voxel of what the class makes of it, 0 to 1."""
     @property
     def hypotheses(self) -> List[Hypothesis]: ...
     @property
@@ -187,7 +188,8 @@ class PublishedPercept:
     @property
     def none_probability(self) -> Optional[float]: ...
     @property
-    def fit(self) -> Optional[float]: ...
+    def fit(self) -> Optional[float]:
+        """Share of the seen surface within a voxel of what the class makes of it, 0 to 1."""
     @property
     def hypotheses(self) -> List[Hypothesis]: ...
     @property

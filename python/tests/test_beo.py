@@ -86,12 +86,22 @@ def test_the_package_answers_as_the_program_does(model, tmp_path, pose):
     assert percept.probabilities == pytest.approx(line["posterior"])
     assert percept.log_scores == pytest.approx(line["log_score"])
     assert percept.none_probability == pytest.approx(line["none_probability"])
+    assert percept.fit == pytest.approx(line["fit"])
     assert percept.rotation_spread_rad == pytest.approx(line["rotation_spread_rad"])
     assert len(percept.hypotheses) == len(line["hypotheses"]) > 0
     for ours, theirs in zip(percept.hypotheses, line["hypotheses"]):
         assert (ours.class_name, ours.probability) == (theirs["class"], pytest.approx(theirs["probability"]))
         assert ours.rotation == pytest.approx(theirs["rotation"])
     assert int((percept.occupancy >= 0.5).sum()) == line["completion"]["filled"]
+
+
+def test_a_class_explains_its_own_shapes_and_not_scattered_voxels(model):
+    seen = mug()
+    own = model.perceive(seen)
+    scattered = np.zeros_like(seen)
+    scattered.flat[np.random.default_rng(3).choice(scattered.size, int((seen == 1).sum()), replace=False)] = 1
+    strange = model.perceive(scattered)
+    assert own.fit > 0.8 > 0.3 > strange.fit >= 0
 
 
 @needs_program

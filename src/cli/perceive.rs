@@ -133,7 +133,7 @@ impl Perceive {
                     "posterior": posterior,
                     "log_score": log_score,
                     "none_probability": percept.none_probability,
-                    "fit": null,
+                    "fit": percept.fit,
                     "resting_pose": percept.resting_pose,
                     "filtered": false,
                     "cut": [],

@@ -130,6 +130,7 @@ fn every_object_ends_as_a_percept_at_its_place_or_a_stated_reason() {
         let up = usual().rotation * UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)) * Vector3::z();
         assert!(up.angle(&Vector3::z()) < 0.5_f64.to_radians(), "{up}");
         assert_eq!(percept.dims, [RESOLUTION as u32; 3]);
+        assert!((0.0..=1.0).contains(&percept.fit), "{}", percept.fit);
     }
 }
 

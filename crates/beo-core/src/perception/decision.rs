@@ -10,7 +10,7 @@ use crate::grid::{Rotation, Similarity};
 /// Decides: writes the most probable class, the modes of the posterior over class and pose, and how the object lies.
 pub(super) fn decide(query: &Query, scored: &Scored, modes: &mut Modes, percept: &mut Percept) {
     percept.informed = scored.informed;
-    (percept.none_probability, percept.fit, percept.resting_pose) = (scored.none_probability, None, scored.resting_pose);
+    (percept.none_probability, percept.resting_pose) = (scored.none_probability, scored.resting_pose);
     percept.expected = scored.expected;
     percept.scores.clear();
     // A class that was left out has no score: zero, not minus infinity.

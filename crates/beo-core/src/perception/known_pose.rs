@@ -5,6 +5,7 @@ use super::densities::blend::Scores;
 use super::densities::gaussian::Gaussian;
 use super::densities::log_sum::softmax;
 use super::evidence::conditional::Conditional;
+use super::evidence::explained::share_explained;
 use super::evidence::placed::EvidenceModel;
 use super::prepared::Prepared;
 use super::scored::{ClassMask, Scored};
@@ -28,6 +29,13 @@ impl ClassPosteriors {
     pub fn new(evidence: &EvidenceModel) -> Self {
         let conditionals: Vec<Conditional> = evidence.subspaces.iter().map(|s| Conditional::new(s.size())).collect();
         Self { computed: vec![false; conditionals.len()], conditionals }
+    }
+
+    /// How much of what is `known` the class explains, if it was conditioned on it.
+    pub fn share_explained(&self, evidence: &EvidenceModel, class: usize, known: &Known) -> Option<f64> {
+        self.computed[class]
+            .then(|| share_explained(&evidence.subspaces[class], &self.conditionals[class], evidence.dims(), &known.filled))
+            .flatten()
     }
 
     /// Another observation, or the same in another frame, is known from now on.

@@ -101,6 +101,7 @@ impl OneGrid {
                 frame.take_moved(rows, seen, &percept.placed, query.outside)?;
             }
         }
+        percept.fit = work.posteriors.share_explained(&self.prepared.evidence, percept.class, work.frame.known());
         Ok(())
     }
 

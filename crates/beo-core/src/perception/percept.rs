@@ -58,7 +58,9 @@ pub struct Percept {
     pub informed: bool,
     /// Probability that the object is of none of the model's classes; `None` where the model cannot tell.
     pub none_probability: Option<f64>,
-    /// How well the object of the answered class explains what was seen, from 0 to 1; `None` where it was not computed.
+    /// How well the answered class explains what was seen: the share of the filled voxels, 0 to 1, that lie within a voxel of the class's
+    /// reconstruction of the observation. `None` where nothing was seen, for models that are read in place, and where the class was not conditioned
+    /// on the observation as it was answered: in a search over poses from above without a completion.
     pub fit: Option<f64>,
     /// Which of the class's resting poses the object lies in; `None` where the search did not go over these.
     pub resting_pose: Option<usize>,

@@ -109,21 +109,23 @@ impl Completion<'_> {
         }
         let total: f64 = shares.iter().map(|(_, p)| p).sum();
         let (evidence, known) = (&self.prepared.evidence, self.frame.known());
-        let ClassPosteriors { conditionals, computed } = &mut *self.posteriors;
+        let posteriors = &mut *self.posteriors;
         for &(s, _) in shares.iter() {
-            let (class, conditional) = (&evidence.subspaces[s], &mut conditionals[s]);
-            if !computed[s] {
+            let (class, conditional) = (&evidence.subspaces[s], &mut posteriors.conditionals[s]);
+            if !posteriors.computed[s] {
                 class.condition(known, evidence.noise_variance, conditional)?;
+                posteriors.computed[s] = true;
                 percept.log_evidence[s] = conditional.log_evidence;
             }
             class.prepare(conditional);
         }
+        percept.fit = percept.fit.or_else(|| posteriors.share_explained(evidence, percept.class, known));
         let weights = voxels::weights(&self.prepared.model.metadata.calibration.completion);
         let dims = self.prepared.model.dims();
         let part = |&(s, p): &(usize, f64)| Part {
             weight: (p / total) as f32,
             class: &evidence.subspaces[s],
-            posterior: &conditionals[s].posterior,
+            posterior: &posteriors.conditionals[s].posterior,
         };
         let complete = |voxels: Range<usize>, occupancy: &mut [V], deviation: &mut [V]| {
             // A slab stays in the cache until it is complete: memory is written once.

@@ -7,9 +7,11 @@
 //! | `lattice` | some of the voxels of a grid that stand for all | |
 //! | `thinned` | the evidence from a lattice's voxels, on which searches climb | |
 //! | `prediction` | posterior mean and variance of blocks of voxels | |
+//! | `explained` | the share of what was seen that a class's reconstruction explains | |
 //! | `placed` | the evidence of a class for an object that lies in a given way | |
 
 pub mod conditional;
+pub mod explained;
 pub mod lattice;
 pub mod placed;
 pub mod prediction;

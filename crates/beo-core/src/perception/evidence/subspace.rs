@@ -213,11 +213,16 @@ impl ClassSubspace {
         }
     }
 
+    /// The posterior means of single voxels; `conditional` was conditioned before. None where nothing is derived over voxels.
+    pub fn reconstruction(&self, conditional: &Conditional) -> Option<Reconstruction<'_>> {
+        self.derived().map(|(_, rows)| Reconstruction::new(rows, &conditional.coefficients))
+    }
+
     /// Posterior mean of the latent occupancy of every voxel, in their order, not clamped; `conditional` was conditioned before.
     pub fn reconstruct(&self, conditional: &Conditional, mut each: impl FnMut(f32)) {
         match &self.rows {
             ClassRows::Derived { rows, .. } => {
-                dispatch(Reconstruct { rows, size: self.prior.size, coefficients: &conditional.coefficients, each });
+                dispatch(Reconstruct { reconstruction: Reconstruction::new(rows, &conditional.coefficients), each });
             }
             ClassRows::Shared { rows, transform } => {
                 let mut weights = Vec::new();
@@ -341,11 +346,44 @@ fn unknown_gram(rows: &Rows, tiles: &TileGrams, size: usize, known: &Known, out:
     add_gram(rows, size + 2, &known.division.rest, &mut out.gathered, &mut out.unknown);
 }
 
-/// Calls `each` with the mean of every voxel, given the coefficients.
-struct Reconstruct<'a, F> {
+/// Posterior means of the latent occupancy of voxels, given the coefficients, for a class whose rows were derived.
+#[derive(Clone, Copy)]
+pub struct Reconstruction<'a> {
     rows: &'a Rows,
-    size: usize,
-    coefficients: &'a [f32],
+    /// By component, the coefficient in the units of the rows: of the class mean one, after it zeros.
+    factors: [Lanes; MOST_COMPONENTS / LANES + 1],
+}
+
+impl<'a> Reconstruction<'a> {
+    fn new(rows: &'a Rows, coefficients: &[f32]) -> Self {
+        let mut factors = [[0.0; LANES]; MOST_COMPONENTS / LANES + 1];
+        let weights = coefficients.iter().copied().chain([1.0]).zip(rows.scales());
+        factors.as_flattened_mut().iter_mut().zip(weights).for_each(|(factor, (weight, scale))| *factor = weight * scale);
+        Self { rows, factors }
+    }
+
+    /// Of one voxel, not clamped.
+    #[inline(always)]
+    pub fn mean<const FUSED: bool>(&self, voxel: usize) -> f32 {
+        self.of_row::<FUSED>(self.rows.row(voxel))
+    }
+
+    #[inline(always)]
+    fn of_row<const FUSED: bool>(&self, row: &[i16]) -> f32 {
+        let mut sums = [0.0; LANES];
+        for (values, factors) in row.as_chunks::<LANES>().0.iter().zip(&self.factors) {
+            let values = widen(values);
+            for l in 0..LANES {
+                sums[l] = multiply_add::<FUSED>(values[l], factors[l], sums[l]);
+            }
+        }
+        sums.iter().sum()
+    }
+}
+
+/// Calls `each` with the mean of every voxel.
+struct Reconstruct<'a, F> {
+    reconstruction: Reconstruction<'a>,
     each: F,
 }
 
@@ -354,22 +392,8 @@ impl<F: FnMut(f32)> Kernel for Reconstruct<'_, F> {
 
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) {
-        let (rows, size) = (self.rows, self.size);
-        // The class mean with a coefficient of one; the rest of the last block with zeros.
-        let mut factors = [[0.0; LANES]; MOST_COMPONENTS / LANES + 1];
-        let weights = self.coefficients.iter().copied().chain([1.0]).zip(rows.scales());
-        for ((factor, (weight, scale)), component) in factors.as_flattened_mut().iter_mut().zip(weights).zip(0..) {
-            *factor = if component <= size { weight * scale } else { 0.0 };
-        }
-        for row in rows.all() {
-            let mut sums = [0.0; LANES];
-            for (values, factors) in row.as_chunks::<LANES>().0.iter().zip(&factors) {
-                let values = widen(values);
-                for l in 0..LANES {
-                    sums[l] = multiply_add::<FUSED>(values[l], factors[l], sums[l]);
-                }
-            }
-            (self.each)(sums.iter().sum());
+        for row in self.reconstruction.rows.all() {
+            (self.each)(self.reconstruction.of_row::<FUSED>(row));
         }
     }
 }
