@@ -26,6 +26,7 @@ pub mod control;
 pub mod error;
 mod gaps;
 mod identity;
+mod in_use;
 mod joining;
 pub mod layout;
 pub mod limits;

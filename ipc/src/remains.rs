@@ -21,6 +21,7 @@ use std::time::{Duration, SystemTime};
 
 use iceoryx2::prelude::Config;
 
+use crate::in_use::is_in_use;
 use crate::memory::SHARED_MEMORY_DIR;
 use crate::orphans::age;
 
@@ -126,7 +127,7 @@ impl Places {
     /// Removes what is left of nodes that iceoryx2 does not list, of ports whose process has no node, and of services without a description.
     ///
     /// Only what belongs to processes that are gone, and has been so for [`FORGOTTEN_AGE`]: a process in another process namespace, which
-    /// looks as if it were gone, has a whole node.
+    /// looks as if it were gone, has a whole node. Where it has it in files of its own (another mount namespace), its segments are in use.
     pub fn remove_forgotten(&self) {
         // These first: whoever has a port has a node by now, and whoever made a segment for a service has described it before.
         let old: Vec<(String, PathBuf)> = [&self.shared, &self.root]
@@ -154,17 +155,24 @@ impl Places {
         let with_node: HashSet<u32> = nodes.keys().map(|node| process_of(*node)).collect();
         for (name, path) in old.iter().filter(|(name, _)| self.ports.iter().any(|suffix| name.ends_with(suffix.as_str()))) {
             let mut owners = ids(name).map(process_of).peekable();
-            if owners.peek().is_some() && owners.all(|owner| !with_node.contains(&owner) && process_is_gone(owner)) {
+            let are_gone = owners.peek().is_some() && owners.all(|owner| !with_node.contains(&owner) && process_is_gone(owner));
+            if are_gone && !self.is_segment_in_use(path) {
                 remove("what a port of a killed process left", path);
             }
         }
         let mut described = None;
         for (name, path) in old.iter().filter(|(name, _)| name.ends_with(&self.service_segment)) {
             let Some(id) = ids(name).last().filter(|id| process_is_gone(process_of(*id))) else { continue };
-            if !described.get_or_insert_with(|| self.descriptions()).iter().any(|text| describes(text, id)) {
+            let is_described = described.get_or_insert_with(|| self.descriptions()).iter().any(|text| describes(text, id));
+            if !is_described && !self.is_segment_in_use(path) {
                 remove("the segment of a service that nobody can find", path);
             }
         }
+    }
+
+    /// Sockets, which are not segments, are those of this mount namespace.
+    fn is_segment_in_use(&self, path: &Path) -> bool {
+        path.starts_with(&self.shared) && is_in_use(path)
     }
 
     fn descriptions(&self) -> Vec<String> {
@@ -258,12 +266,12 @@ mod tests {
 
     use super::*;
 
-    /// Folders of their own in the form of iceoryx2's.
+    /// Folders of their own in the form of iceoryx2's, in the file system in which segments are.
     struct Place(Places, PathBuf);
 
     impl Place {
         fn new(test: &str) -> Self {
-            let at = std::env::temp_dir().join(format!("beo-ipc-remains-{test}-{}", std::process::id()));
+            let at = Path::new(SHARED_MEMORY_DIR).join(format!("beo-ipc-remains-{test}-{}", std::process::id()));
             let [nodes, shared, services] = ["nodes", "shm", "services"].map(|name| at.join(name));
             [&nodes, &shared, &services].into_iter().for_each(|place| std::fs::create_dir_all(place).unwrap());
             let places = Places { root: at.clone(), nodes, shared, services, ..Places::of(&crate::node::config()) };
@@ -276,6 +284,15 @@ mod tests {
             file.set_modified(SystemTime::now() - Duration::from_secs(age_s)).unwrap();
             file.set_permissions(Permissions::from_mode(mode)).unwrap();
             path.to_owned()
+        }
+
+        /// Looks until these are gone, for a bounded time: a child that another test forks has what is open here until it runs its program.
+        fn removes(&self, paths: &[PathBuf]) -> bool {
+            (0..5000).any(|_| {
+                self.0.remove_forgotten();
+                std::thread::sleep(Duration::from_millis(1));
+                paths.iter().all(|path| !path.exists())
+            })
         }
 
         fn monitor(&self, node: u128, files: &[&str], context_mode: u32, age_s: u64) {
@@ -357,12 +374,16 @@ mod tests {
             shared(&[id(here, 1)], ".data", 20),
             shared(&[id(cleaned, 1)], ".data", 20),
             shared(&[id(gone, 1), id(here, 2)], ".connection", 20),
+            shared(&[id(gone, 5)], ".data", 20),
             place.file(&place.0.shared.join("iox2_nothing.data"), 0o600, 20),
             place.file(&place.0.shared.join("other.data"), 0o600, 20),
         ];
-        place.0.remove_forgotten();
-        assert_eq!(goes.map(|path| path.exists()), [false; 4]);
-        assert_eq!(stays.map(|path| path.exists()), [true; 6]);
+        // The process is gone by its number alone: somebody has its segment.
+        let somebody = File::open(&stays[4]).unwrap();
+        assert!(place.removes(&goes));
+        assert_eq!(stays.clone().map(|path| path.exists()), [true; 7]);
+        drop(somebody);
+        assert!(place.removes(&stays[4..5]));
     }
 
     #[test]
@@ -375,9 +396,14 @@ mod tests {
             std::fs::write(place.0.services.join(format!("iox2_{id:x}.service")), text).unwrap();
         };
         describe(id(gone, 2));
-        let paths = [segment(id(gone, 1), 20), segment(id(gone, 2), 20), segment(id(gone, 3), 1), segment(id(here, 4), 20)];
-        place.0.remove_forgotten();
-        assert_eq!(paths.map(|path| path.exists()), [false, true, true, true]);
+        let [own, foreign] = [segment(id(gone, 1), 20), segment(id(gone, 5), 20)];
+        let stay = [segment(id(gone, 2), 20), segment(id(gone, 3), 1), segment(id(here, 4), 20)];
+        // It is described where this process does not see it, in another mount namespace, and at work there.
+        let at_work = File::open(&foreign).unwrap();
+        assert!(place.removes(&[own]) && foreign.exists());
+        assert_eq!(stay.map(|path| path.exists()), [true; 3]);
+        drop(at_work);
+        assert!(place.removes(&[foreign]));
     }
 
     /// As iceoryx2 writes it, of a service of this process.

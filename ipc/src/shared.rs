@@ -1,4 +1,4 @@
-//! All the `unsafe` of this crate: the borders between shared memory or file descriptors and Rust's rules.
+//! The `unsafe` of this crate but for a question to the system (`in_use`): the borders between shared memory or file descriptors and Rust's rules.
 
 #![allow(unsafe_code)]
 

@@ -3,11 +3,12 @@
 use super::crowd::resources;
 use super::leftovers;
 use super::roles::{Actor, Role};
-use crate::harness::{PATIENCE, Running, instance, serve};
+use crate::harness::{PATIENCE, Running, instance, model, run, serve, text};
 use rustix::process::Signal;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant, SystemTime};
 
 /// The folders of a process' nodes.
 fn folders(pid: u32) -> Vec<PathBuf> {
@@ -82,4 +83,47 @@ fn a_daemon_that_ends_in_order_leaves_nothing_of_who_died_just_before() {
     assert!(daemon.wait().success());
     let pids = [killed.process.id(), daemon.id()];
     eventually("nothing is left of both", || leftovers::of(&pids).is_empty());
+}
+
+/// A command where iceoryx2's folder is one of its own and shared memory that of all: as for a unit with `PrivateTmp=`, or a container that
+/// shares /dev/shm.
+fn elsewhere(script: &str) -> Command {
+    let mut command = Command::new("unshare");
+    command.arg(if rustix::process::geteuid().is_root() { "-m" } else { "-Urm" });
+    command.args(["sh", "-c", &format!("mount -t tmpfs tmpfs /tmp/iceoryx2 && {script}"), "sh"]).stdin(Stdio::null());
+    command
+}
+
+/// The daemon that made a service's memory may be gone, and nobody there sees who describes it.
+#[test]
+fn a_daemon_in_another_mount_namespace_leaves_the_memory_of_living_ones_alone() {
+    let name = instance();
+    let mut first = serve(&name);
+    if !elsewhere("true").stderr(Stdio::null()).status().is_ok_and(|status| status.success()) {
+        eprintln!("left out: another mount namespace needs `unshare`, and root or user namespaces");
+        return;
+    }
+    let mut client = Actor::start(Role::Idler, &name);
+    first.signal(Signal::KILL);
+    first.wait();
+    let _second = serve(&name);
+    let of_first = || leftovers::of(&[first.id()]).into_iter().filter(|path| path.extension().is_some_and(|e| e == "dynamic"));
+    let services: Vec<PathBuf> = of_first().collect();
+    assert!(!services.is_empty(), "the services go on");
+    let living: Vec<PathBuf> = leftovers::of(&[client.process.id()]);
+    // Old enough for whoever takes them for forgotten ones.
+    for path in services.iter().chain(&living).filter(|path| path.starts_with("/dev/shm")) {
+        std::fs::File::open(path).unwrap().set_modified(SystemTime::now() - Duration::from_secs(60)).unwrap();
+    }
+    let stranger = format!("{name}-stranger");
+    let mut command = elsewhere("exec \"$@\"");
+    command.arg(env!("CARGO_BIN_EXE_beo")).args(["serve", "--instance", &stranger, "--model"]).arg(model());
+    let _stranger = Running::start(command);
+    // It looks after what is left when it starts and every second.
+    std::thread::sleep(Duration::from_secs(4));
+    assert_eq!(of_first().collect::<Vec<_>>(), services);
+    assert_eq!(leftovers::of(&[client.process.id()]), living);
+    let status = run(["status", "--instance", &name]);
+    assert!(status.status.success(), "{}", text(&status.stderr));
+    client.end();
 }
